@@ -15,18 +15,24 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import pytest
-from matplotlib.ticker import NullFormatter
 
 from benchmarks.growth import POINTS, workers
 from sidegan.pipeline.stages.discussion import processor
+from sidegan.report.canvas import blank, legend, letter, logarithmic, save, tidy
+from sidegan.report.style import PALETTE
 
 _DOCS = Path(__file__).parents[1] / "docs"
 _NUMBERS, _PAGE, _FIGURE = _DOCS / "benchmarks.json", _DOCS / "benchmarks.md", _DOCS / "images" / "growth.png"
 _PACKAGES = ["sidegan", "numpy", "torch", "numba", "pin", "mujoco", "figaroh", "frax", "jax"]
 _LARGE = ("library", "greedy", "d_optimal", "rls", "workers")  # a process for each size
 _UNITS = {"2,000 seeds": "s", "file": "MB", "peak": "MB", "regressor": "µs", "validity": "µs"}
+_SIZES = {
+    "library": "trajectories",
+    "greedy": "trajectories in the pool",
+    "d_optimal": "trajectories in the pool",
+}
+_SIZES |= {"rls": "recording [s]", "samples": "samples per trajectory"}
 
 
 def _rates(*words: str) -> dict[str, Any]:
@@ -93,22 +99,33 @@ def _table_of_growth(name: str, sizes: dict[str, Any]) -> str:
 
 def _draw(growth: dict[str, Any]) -> None:
     drawn = [work for work in POINTS if work is not workers]
-    figure, axes = plt.subplots(2, -(-len(drawn) // 2), figsize=(11, 5.6), layout="constrained")
-    axes.flat[-1].set_axis_off()
-    for axis, work in zip(axes.flat, drawn):
-        sizes = sorted((int(size), costs) for size, costs in growth.get(work.__name__, {}).items())
+    figure = blank(11, 5.6)
+    axes = figure.subplots(2, -(-len(drawn) // 2)).ravel()
+    handles: dict[str, Any] = {}
+    shades: dict[str, str] = {}
+    for axis, work in zip(axes, drawn):
+        name = work.__name__
+        sizes = sorted((int(size), costs) for size, costs in growth.get(name, {}).items())
         for key in sizes[0][1] if sizes else []:
             if _UNITS.get(key) != "MB":
-                axis.loglog([x for x, _ in sizes], [costs[key] for _, costs in sizes], "o-", label=key)
+                style = {"color": shades.setdefault(key, PALETTE[len(shades)]), "markersize": 4}
+                places = [x for x, _ in sizes]
+                (handles[key],) = axis.plot(places, [costs[key] for _, costs in sizes], "o-", **style)
         if sizes:
             ends = [sizes[0][0], sizes[-1][0]]
             top = max(x for key, x in sizes[-1][1].items() if _UNITS.get(key) != "MB")
-            axis.loglog(ends, [top * x / ends[1] for x in ends], ":", color="grey", label="linear")
-        small = work.__name__ not in _LARGE
-        axis.set(title=work.__name__.replace("_", "-"), ylabel="µs a trajectory" if small else "CPU s")
-        axis.legend(fontsize=7)
-        axis.xaxis.set_minor_formatter(NullFormatter())
-    figure.savefig(_FIGURE, dpi=90)
+            (handles["slope one"],) = axis.plot(ends, [top * x / ends[1] for x in ends], ":", color="grey")
+        axis.set_title(name.replace("_", "-"), fontsize=10)
+        axis.set_xlabel(_SIZES.get(name, name), fontsize=9)
+        axis.set_ylabel("CPU time [s]" if name in _LARGE else "CPU time per trajectory [µs]", fontsize=9)
+        logarithmic(axis, "x")
+        logarithmic(axis)
+        tidy(axis)
+    for axis in axes[len(drawn) :]:
+        axis.remove()
+    letter(axes[: len(drawn)])
+    legend(figure, handles)
+    save(figure, _FIGURE.with_suffix(""))
 
 
 def _versions() -> str:

@@ -103,30 +103,32 @@ def table(found: pd.DataFrame) -> pd.DataFrame:
 
 def front(found: pd.DataFrame) -> "Figure":
     """Invalid share, and both coverages, against the condition number: eigen over its weight, and vanilla."""
-    from sidegan.report.canvas import blank, legend, logarithmic, tidy
+    from sidegan.report.canvas import blank, from_zero, legend, letter, logarithmic, tidy
     from sidegan.report.style import colour
 
+    found = found.assign(invalid=1 - found.valid)
     weights = found["row"].str.removeprefix(FRONT).where(found["row"].str.startswith(FRONT))
     of_eigen = found[(weights.notna() | (found["row"] == RECIPE)) & (found.name == "eigen")]
     of_vanilla = found[(found["row"] == RECIPE) & (found.name == "vanilla")]
     figure, handles = blank(10, 3.6), {}
-    panels = {"valid": "invalid share"} | {key: f"coverage of {of}" for key, of in _COVERED.items()}
-    for letter, axis, (key, label) in zip("abc", figure.subplots(1, 3), panels.items()):
+    panels = {"invalid": "invalid share"} | {key: f"coverage of {of}" for key, of in _COVERED.items()}
+    axes = figure.subplots(1, 3)
+    for axis, (key, label) in zip(axes, panels.items()):
         for name, part in (("eigen", of_eigen), ("vanilla", of_vanilla)):
-            y = 1 - part[key] if key == "valid" else part[key]
-            handles[name] = axis.scatter(part.condition, y, s=14, color=colour(name), alpha=0.5)
+            handles[name] = axis.scatter(part.condition, part[key], s=14, color=colour(name), alpha=0.5)
         means = of_eigen.groupby("row")[["condition", key]].mean().sort_values("condition")
-        y = 1 - means[key] if key == "valid" else means[key]
-        axis.plot(means.condition, y, color=colour("eigen"), lw=1)
-        for row, at, height in zip(means.index, means.condition, y):
+        axis.plot(means.condition, means[key], color=colour("eigen"), lw=1)
+        for row, at, height in means.itertuples():
             words = row.removeprefix(FRONT) if row != RECIPE else "recipe"
             axis.annotate(words, (at, height), (4, 4), textcoords="offset points", fontsize=7)
-        if key == "valid":
-            logarithmic(axis)
+        if key == "invalid":
+            from_zero(axis, pd.concat([of_eigen, of_vanilla])[key])
+        else:
+            axis.set_ylim(0, 1)
         logarithmic(axis, "x")
         axis.set_xlabel("median cond(YᵀY) over the seeds'", fontsize=9)
         axis.set_ylabel(label, fontsize=9)
-        axis.set_title(letter, loc="left", fontsize=10, fontweight="bold")
         tidy(axis)
+    letter(axes)
     legend(figure, handles)
     return figure

@@ -32,7 +32,7 @@ if TYPE_CHECKING:  # slow to import
 NAME = "reproduction"  # of the page, its template, and the folder of its tables and figures
 _ON_BOX = 1e-3  # share of the largest coefficient
 _AT_LIMIT = 0.01  # rad
-_TRACES, _POSES = 8, 6  # generated trajectories, and poses along one of them, as in the paper's figure 2
+_TRACES = 8  # generated trajectories, as in the paper's figure 2
 
 # tables over all conditions
 _JOINED = ["generators", "likeness", "draws", "table1", "factors"]
@@ -180,6 +180,7 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
         "likeness": tables.likeness(made.generators),
         "draws": exp1.draws(made.draws),
         "epochs": training.speed(made.histories),
+        "sizes": training.sizes(made.subsets),
         "table1": exp1.table1(made.errors, made.plant, made.expected, made.constant),
         "factors": exp1.factors(made.errors, made.expected, made.plant, made.cfg.gan),
         "sets": tables.excitation_sets(made.errors),
@@ -235,10 +236,9 @@ def _timing(artifacts: Artifacts) -> pd.DataFrame:
 
 
 def _figures(made: Artifacts) -> dict[str, "Figure"]:
-    """The figures of a condition, by name; the last three are of motion in space."""
+    """The figures of a condition, by name; the last two are of motion in space."""
     eigen = made.generators[made.generators.name == "eigen"]
     union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal")}
-    subsets = made.subsets[made.subsets.kept]
     arm, family = made.run.cell.arm, made.run.cell.trajectory
     first = made.cfg.trainings[0]
     generated = made.generated("eigen", first).coefficients[:_TRACES]
@@ -255,8 +255,6 @@ def _figures(made: Artifacts) -> dict[str, "Figure"]:
         "training": training.figure(made.histories, made.few_seeds, union),
         "nmse": figures.errors(made.errors),
         **training.pictures(made),
-        "sizes": figures.panels(subsets, ("seeds", "seeds trained on"), ["success"]),
         "traces": motion.paths(arm, traces),
-        "poses": motion.poses(arm, family, generated[0], _POSES),
         "stacked": motion.paths(arm, stacked),
     }

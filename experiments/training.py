@@ -7,6 +7,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 
 from experiments.artifacts import Artifacts
@@ -18,7 +19,7 @@ from sidegan.pipeline.stages.measures import together
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.tracking import Tracker
-from sidegan.report import figures, tables
+from sidegan.report import figures, motion, tables
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
@@ -32,7 +33,8 @@ _GENERATORS = (
 )
 BESIDE = "The same sets, compared in equal numbers with one half of the seeds (row seeds: the other half)"
 _MEANS = ("valid", *tables.WORTH, *tables.LIKENESS)
-_SHOWN = 50  # trajectories of a set in its picture
+_LEAST = 1e-30  # lower bound of diag(YᵀY), which is zero for a column without excitation
+_MOVED, _TIMES = 3, 6  # trajectories along which the arm is shown, and times
 
 collect = Artifacts
 
@@ -71,21 +73,26 @@ def means(generators: pd.DataFrame) -> pd.DataFrame:
 
 
 def pictures(artifacts: Artifacts) -> dict[str, "Figure"]:
-    """Coefficients of the seeds and of each generator's first training, by name."""
-    first = artifacts.cfg.trainings[0]
-    sets = {SEEDS: artifacts.run.load(seed_set(artifacts.run))}
-    sets |= {name: artifacts.generated(name, first) for name in artifacts.cfg.gan}
-    shown = {name: flatten(library.coefficients[:_SHOWN], 1) for name, library in sets.items()}
-    return {"coefficients": figures.coefficients(shown)}
+    """Seeds beside each generator's first training, and the arm along trajectories of one, by name."""
+    first, run = artifacts.cfg.trainings[0], artifacts.run
+    made = {name: artifacts.generated(name, first) for name in artifacts.cfg.gan}
+    sets = {SEEDS: run.load(seed_set(run)), **made}
+    spaces = {
+        "coefficients [rad/s]": {name: flatten(x.coefficients, 1) for name, x in sets.items()},
+        "log diag(YᵀY)": {name: np.log(np.maximum(x.diagonal, _LEAST)) for name, x in sets.items()},
+    }
+    shown = made.get("eigen", next(iter(made.values()))).coefficients[:_MOVED]
+    poses = motion.poses(run.cell.arm, run.cell.trajectory, shown, _TIMES)
+    return {"likeness": figures.clouds(spaces), "poses": poses}
 
 
 def figure(
     histories: pd.DataFrame, seeds: dict[str, float], union: dict[str, float] | None = None
 ) -> "Figure":
     """Metrics after every epoch, the seeds' dashed, and those of seeds and generated ones together."""
-    return figures.panels(
-        histories, ("epoch", "epoch"), figures.METRICS, {SEEDS: seeds, "union": union or {}}
-    )
+    invalid = histories.assign(invalid=1 - histories.success)
+    references = {SEEDS: seeds | {"invalid": 1 - seeds["success"]}, "union": union or {}}
+    return figures.panels(invalid, figures.METRICS, references)
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:
@@ -106,3 +113,10 @@ def speed(histories: pd.DataFrame) -> pd.DataFrame:
             "last": tables.spread(share.iloc[-1]),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("variant")
+
+
+def sizes(subsets: pd.DataFrame) -> pd.DataFrame:
+    """Valid share after the last epoch, by variant and number of seeds."""
+    kept = subsets[subsets.kept]
+    table = kept.groupby(["variant", "seeds"]).success.agg(tables.spread).unstack("seeds").fillna("—")
+    return table.loc[tables.ordered(table.index)].rename(columns="{} seeds".format)

@@ -2,18 +2,21 @@
 
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from io import StringIO
 from pathlib import Path
+from string import ascii_lowercase
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy.typing import NDArray
 
 from sidegan.base.names import plain
 from sidegan.base.storage import replacing
@@ -41,14 +44,30 @@ def tidy(axis: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
     axis.spines[["right", "top"]].set_visible(False)
 
 
+def letter(axes: Sequence[Axes] | NDArray[Any]) -> None:
+    """Name panels a, b, c and so on, unless there is only one."""
+    for name, axis in zip(ascii_lowercase, axes if len(axes) > 1 else ()):
+        axis.set_title(name, loc="left", fontsize=10, fontweight="bold")
+
+
 def logarithmic(axis: Axes, which: Literal["x", "y"] = "y") -> None:
     """Set a logarithmic axis with plain numbers at its ticks."""
     axis.set(**{f"{which}scale": "log"})
     ticks = getattr(axis, f"{which}axis")
-    decades = np.ptp(np.log10(ticks.get_view_interval()))
-    ticks.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 4 else (1.0,)))
+    decades = np.ptp(np.log10(ticks.get_view_interval())) * (3 if which == "x" else 1)  # words are wide
+    ticks.set_major_locator(
+        LogLocator(subs=range(1, 10) if decades < 1 else (1, 2, 5) if decades < 4 else (1,))
+    )
     ticks.set_major_formatter(FuncFormatter(lambda value, _: plain(value, "g")))
     ticks.set_minor_formatter(NullFormatter())
+
+
+def from_zero(axis: Axes, shares: pd.Series) -> None:
+    """Set a logarithmic y axis for shares, which is linear from zero to the decade of the least above it."""
+    least = 10.0 ** np.floor(np.log10(1.001 * shares.where(shares > 0, 1.0).min()))
+    axis.set_yscale("symlog", linthresh=least, linscale=0.3)
+    axis.set_ylim(-0.2 * least)
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: plain(value, "g")))
 
 
 def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
@@ -56,7 +75,7 @@ def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
     if handles:
         rows = -(-len(handles) // int(figure.get_figwidth() // 1.7))
         columns = -(-len(handles) // rows)
-        style: dict[str, Any] = {"ncols": columns, "fontsize": 9, "frameon": False}
+        style: dict[str, Any] = {"ncols": columns, "fontsize": 9, "frameon": False, "markerscale": 1.6}
         figure.legend(list(handles.values()), list(handles), loc="outside lower center", **style)
 
 

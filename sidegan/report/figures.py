@@ -1,123 +1,117 @@
 """Figures from the results of runs, with matplotlib."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
-from sidegan.report.canvas import blank, legend, logarithmic, tidy
+from sidegan.report.canvas import blank, from_zero, legend, letter, logarithmic, tidy
 from sidegan.report.style import colour, colours
 from sidegan.report.tables import NAMES, ordered, title, weighting
 
-METRICS = ["success", "condition", "condition_mean", "error", "error_constant", "distance"]  # of a generator
+METRICS = ["invalid", "condition", "condition_mean", "error", "error_constant", "distance"]  # of a generator
 METRICS += ["cosine", "rank_uncentred", "distance_diagonal"]
-_LOW, _HIGH = 0.9, 1.005  # limits of an axis of shares; the lower one adapts to the data
-_FEW = 10  # lines with fewer points have markers
+_SCALE = {"condition_mean": "condition", "error_constant": "error"}  # whose axis a metric shares
+_LABELS = NAMES | {"invalid": "invalid share", "distance": "mean distance [rad/s]"}
+_CLOUD = 200  # points of a set
 
 
 def panels(
     frame: pd.DataFrame,
-    across: tuple[str, str],
     shown: Sequence[str],
     references: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> Figure:
-    """Metrics of variants against a column, a panel per metric, with the mean and range of each variant.
+    """Metrics of variants against the epoch, a panel per metric, with the mean and range of each variant.
 
     Args:
-        frame: a row per result, with its ``variant``.
-        across: column of the x axis, and its label.
+        frame: a row per variant, training and epoch.
         shown: the metrics.
         references: the metrics of sets to compare with, drawn dashed.
     """
-    key, label = across
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
-    figure = blank(7.2 if columns == 1 else 3.7 * columns + 0.5, 3.1 * rows + (1.1 if columns == 1 else 0.6))
+    figure = blank(3.7 * columns + 0.5, 3.1 * rows + 0.6)
     variants = ordered(frame.variant.unique())
     handles: dict[str, Any] = {}
-    for axis, metric in zip(figure.subplots(rows, columns, squeeze=False).ravel(), shown):
-        for name, part in frame.dropna(subset=[key, metric]).groupby("variant", sort=False):
-            handles[str(name)] = _line(axis, part.groupby(key)[metric].agg(["mean", "min", "max"]), str(name))
+    axes = dict(zip(shown, figure.subplots(rows, columns, squeeze=False).ravel()))
+    for metric, axis in axes.items():
+        if _SCALE.get(metric) in axes:
+            axis.sharey(axes[_SCALE[metric]])
+        for name, part in frame.dropna(subset=metric).groupby("variant", sort=False):
+            line = part.groupby("epoch")[metric].agg(["mean", "min", "max"])
+            shade = colour(str(name))
+            axis.fill_between(line.index, line["min"], line["max"], color=shade, alpha=0.2, linewidth=0)
+            handles[str(name)] = axis.plot(line["mean"], color=shade, linewidth=1.5)[0]
         for name, values in references.items():
             if values.get(metric) is not None:
                 handles[name] = axis.axhline(values[metric], color=colour(name), ls="--", lw=1.3)
-        if metric in ("condition", "condition_mean", "error", "error_constant"):
+        if metric in {*_SCALE, *_SCALE.values()}:
             logarithmic(axis)
-        if metric == "success":
-            axis.set_ylim(min(axis.get_ylim()[0], _LOW), _HIGH)
-        axis.set_title(NAMES[metric], fontsize=10)
-        axis.set_xlabel(label, fontsize=9)
+        elif metric == "invalid":
+            from_zero(axis, frame[metric])
+        axis.set_xlabel("epoch", fontsize=9)
+        axis.set_ylabel(fill(_LABELS[metric], 30), fontsize=9)
         tidy(axis)
+    letter([*axes.values()])
     legend(figure, {name: handles[name] for name in [*variants, *handles] if name in handles})
     return figure
 
 
-def _line(axis: Axes, line: pd.DataFrame, name: str) -> Line2D:
-    """Line of a variant's means, over a band of the range."""
-    if (line["max"] > line["min"]).any():
-        axis.fill_between(line.index, line["min"], line["max"], color=colour(name), alpha=0.2, linewidth=0)
-    marker = "o" if len(line) < _FEW else ""
-    return axis.plot(line["mean"], color=colour(name), marker=marker, markersize=4, linewidth=1.5)[0]
-
-
 def errors(raw: pd.DataFrame) -> Figure:
-    """NMSE by joint and set on a logarithmic axis, unweighted and weighted; the whiskers are the range."""
+    """NMSE by joint and set, unweighted and weighted: means, and whiskers over the range."""
     figure = blank(11, 4.4)
     names = ordered(raw["set"].unique())
     joints = list(dict.fromkeys(raw.joint))
+    places = np.arange(len(joints)) - 0.4
     parts = raw.groupby("weighted")
-    for axis, (weighted, part) in zip(figure.subplots(1, len(parts), sharey=True, squeeze=False)[0], parts):
-        groups = part.groupby(["joint", "set"]).nmse
-        mean, low, high = (groups.agg(how).unstack().loc[joints, names] for how in ("mean", "min", "max"))
-        mean.plot.bar(
-            ax=axis,
-            yerr=np.stack([(mean - low).T, (high - mean).T], 1),
-            color=[*colours(names)],
-            ecolor="#404040",
-            error_kw={"elinewidth": 0.7, "capsize": 1.5},
-            width=0.8,
-            rot=0,
-            logy=True,
-            legend=False,
-            xlabel="",
-        )
+    axes = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
+    for axis, (weighted, part) in zip(axes, parts):
+        groups = part.groupby(["set", "joint"]).nmse
+        mean, low, high = (groups.agg(how).unstack()[joints] for how in ("mean", "min", "max"))
+        style = {"fmt": "o", "markersize": 3, "elinewidth": 0.8, "capsize": 1.5}
+        handles = {}
+        for k, (name, shade) in enumerate(zip(names, colours(names))):
+            x, y = places + 0.8 * (k + 0.5) / len(names), mean.loc[name]
+            ends = [y - low.loc[name], high.loc[name] - y]
+            handles[title(name)] = axis.errorbar(x, y, ends, color=shade, **style)
+        axis.set_xticks(range(len(joints)), joints)
         axis.set_title(weighting(bool(weighted)), fontsize=10)
+        logarithmic(axis)
         tidy(axis, "y")
-    figure.axes[0].set_ylabel("nMSE", fontsize=9)
-    legend(figure, dict(zip(map(title, names), axis.containers[1::2])))
+    axes[0].set_ylabel("nMSE", fontsize=9)
+    letter(axes)
+    legend(figure, handles)
     return figure
 
 
-def coefficients(sets: Mapping[str, np.ndarray]) -> Figure:
-    """Coefficients of sets, (N, D) each, as images with a row per trajectory, and projected onto two axes.
+def clouds(spaces: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
+    """Sets in spaces, (N, D) each, on the two directions in which all of a space vary most: a row each.
 
-    The axes are the leading directions of each set together with the first, not centred: a common offset
-    of a set is far from the origin.
+    Every set but the first is drawn beside the first; all panels of a space have the same axes.
     """
-    figure = blank(2.6 * len(sets) + 0.6, 5.6)
-    strips, clouds = figure.subplots(2, len(sets), squeeze=False)
-    (first, reference), *_ = sets.items()
-    ends = float(np.abs(reference).max())
-    for (name, rows), strip, cloud in zip(sets.items(), strips, clouds):
-        colours = {"cmap": "RdBu_r", "vmin": -ends, "vmax": ends}
-        drawn = strip.imshow(rows, aspect="auto", interpolation="nearest", **colours)
-        strip.set_title(name, fontsize=10)
-        strip.set_xlabel("coefficient", fontsize=9)
-        strip.tick_params(labelsize=8)
-        axes = np.linalg.svd(np.concatenate([reference, rows]), full_matrices=False)[2][:2]
-        for label, x in ((first, reference), (name, rows)):
-            cloud.scatter(*(axes @ x.T), s=9, color=colour(label), alpha=0.7, linewidths=0)
-        reach = 1.05 * max(np.abs(axes @ x.T).max() for x in (reference, rows))
-        cloud.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-        cloud.locator_params(nbins=5)
-        cloud.set_xlabel("first axis [rad/s]", fontsize=9)
-        tidy(cloud)
-    strips[0].set_ylabel("trajectory", fontsize=9)
-    clouds[0].set_ylabel("second axis [rad/s]", fontsize=9)
-    figure.colorbar(drawn, ax=list(strips), label="rad/s", shrink=0.8)
+    columns = max(map(len, spaces.values())) - 1
+    figure = blank(2.4 * columns + 0.6, 2.6 * len(spaces) + 0.3)
+    axes = figure.subplots(len(spaces), columns, squeeze=False, sharex="row", sharey="row")
+    handles = {}
+    for row, (space, sets) in zip(axes, spaces.items()):
+        every = np.concatenate([x[:_CLOUD] for x in sets.values()])
+        _, size, directions = np.linalg.svd(every - every.mean(0), full_matrices=False)
+        share = 100 * size**2 / (size**2).sum()
+        first, *others = sets
+        for axis, name in zip(row, others):
+            for label in (first, name):
+                xy = directions[:2] @ (sets[label][:_CLOUD] - every.mean(0)).T
+                handles[label] = axis.scatter(*xy, s=7, color=colour(label), alpha=0.6, linewidths=0)
+            axis.set_title(name, fontsize=10)
+            axis.set_xlabel(f"{space}, axis 1 ({share[0]:.0f} %)", fontsize=8)
+            axis.set_box_aspect(1)
+            axis.locator_params(nbins=5)
+            tidy(axis)
+        row[0].set_ylabel(f"{space}, axis 2 ({share[1]:.0f} %)", fontsize=8)
+    letter(axes.ravel())
+    legend(figure, handles)
     return figure

@@ -17,6 +17,7 @@ _COLOURS = {
     "seeds": "#7b4fb5",
     "union": "#d4a200",
     "random": "#4d9221",
+    "gradient": "#8c510a",
 }
 _LONG = ("#b2182b", "#ef8a62", "#67001f")  # long trajectories, one after another
 PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#a6559d", "#b08a00", "#b2182b", "#7f7f7f", "#4d9221")

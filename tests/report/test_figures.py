@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 
 from sidegan.report import figures
-from sidegan.report.canvas import blank, svg
+from sidegan.report.canvas import blank, from_zero, svg
 from sidegan.report.style import colour, colours
 from tests.report.pages import Page
 
-SEEDS = {"success": 1.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank_uncentred": 20.0}
-HISTORY = pd.DataFrame({"success": [0.1, 0.9], "condition": [1e4, None], "distance": [3.0, 2.0]})
+SEEDS = {"invalid": 0.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank_uncentred": 20.0}
+HISTORY = pd.DataFrame({"invalid": [0.9, 0.1], "condition": [1e4, None], "distance": [3.0, 2.0]})
 HISTORY = HISTORY.assign(distance_diagonal=[2.0, 1.0], nearest=1.0, rank_uncentred=3.0, cosine=0.5)
 HISTORY = HISTORY.assign(condition_mean=2e4, error=0.1, error_constant=0.2, epoch=[1, 2])
 
@@ -37,29 +37,38 @@ def test_metrics_have_a_line_per_variant_and_a_dashed_line_for_seeds():
     parts = {"vanilla": pd.concat([HISTORY, back]), "eigen": HISTORY[:1]}
     frame = pd.concat([part.assign(variant=name) for name, part in parts.items()])
     references = {"seeds": SEEDS, "union": {"distance_diagonal": 7.0}}
-    figure = figures.panels(frame, ("epoch", "epoch"), figures.METRICS, references)
-    panels = {axis.get_title(): axis for axis in figure.axes}
+    figure = figures.panels(frame, figures.METRICS, references)
+    panels = {axis.get_ylabel(): axis for axis in figure.axes}
+    assert [axis.get_title("left") for axis in figure.axes] == list("abcdefghi")
     assert len(panels) == 9 and legend(figure) == ["vanilla", "eigen", "seeds", "union"]
-    vanilla, eigen, seeds = panels["valid share"].get_lines()
+    vanilla, eigen, seeds = panels["invalid share"].get_lines()
     assert list(vanilla.get_xdata()) == [1, 2] and list(vanilla.get_ydata()) == pytest.approx([0.5, 0.5])
-    assert list(eigen.get_ydata()) == [0.1] and list(seeds.get_ydata()) == [1.0, 1.0]
-    assert panels["valid share"].get_ylim()[1] == pytest.approx(1.005)
+    assert list(eigen.get_ydata()) == [0.9] and list(seeds.get_ydata()) == [0.0, 0.0]
+    assert panels["invalid share"].get_yscale() == "symlog" and panels["invalid share"].get_ylim()[0] < 0
     lines = panels["mean distance of diag(YᵀY)"].get_lines()  # the seeds' is not known
     assert len(lines) == 3 and list(lines[-1].get_ydata()) == [7.0, 7.0]
     condition = panels["median cond(YᵀY)"]
     assert condition.get_yscale() == "log"
+    assert condition.get_ylim() == panels["mean cond(YᵀY)"].get_ylim()
     assert list(condition.get_lines()[0].get_ydata()) == pytest.approx([1e4, 1e4])  # of those that are known
 
 
+def test_an_axis_of_shares_that_are_all_zero_begins_at_zero():
+    axis = blank(2, 2).subplots()
+    from_zero(axis, pd.Series([0.0, 0.0]))
+    assert axis.get_ylim()[0] < 0 < axis.get_ylim()[1]
+
+
 @pytest.mark.parametrize("weightings", [(False,), (False, True)])
-def test_errors_have_a_panel_per_weighting_and_a_bar_per_set_and_joint(weightings):
+def test_errors_have_a_panel_per_weighting_and_a_whisker_per_set_and_joint(weightings):
     figure = figures.errors(results(*weightings))
     assert len(figure.axes) == len(weightings)
     for axis in figure.axes:
-        assert axis.get_yscale() == "log" and len(axis.patches) == 3 * 2
-        assert all(bar.get_height() == pytest.approx(0.2) for bar in axis.patches)
-        (whisker, *_) = axis.collections[0].get_segments()
-        assert whisker[:, 1] == pytest.approx([0.1, 0.3])
+        assert axis.get_yscale() == "log" and len(axis.containers) == 3
+        places = [container.lines[0].get_xydata() for container in axis.containers]
+        assert np.concatenate(places)[:, 1] == pytest.approx([0.2] * 6)
+        assert (np.abs(np.array(places)[..., 0] - [0, 1]) < 0.4).all()
+        assert axis.collections[0].get_segments()[0][:, 1] == pytest.approx([0.1, 0.3])
         assert [label.get_text() for label in axis.get_xticklabels()] == ["shoulder", "elbow"]
     assert legend(figure) == ["single long, 6 harmonics", "seeds", "seeds + eigen"]
 
@@ -70,19 +79,18 @@ def test_single_long_trajectories_have_different_colours_whatever_their_harmonic
     assert colours(["long-210", "long-6"]) == shades[1::-1]
 
 
-def test_coefficients_share_one_scale_and_offsets_show():
+def test_clouds_of_a_space_share_axes_and_offsets_show():
     random = np.random.default_rng(0)
     seeds, like = (0.1 * random.uniform(-1, 1, (50, 12)) for _ in range(2))
-    figure = figures.coefficients({"seeds": seeds, "vanilla": like, "eigen": like + 0.5})
-    strips, clouds = figure.axes[:3], figure.axes[3:6]
-    assert [axis.get_title() for axis in strips] == ["seeds", "vanilla", "eigen"]
-    for axis, rows in zip(strips, (seeds, like, like + 0.5)):
-        (image,) = axis.get_images()
-        np.testing.assert_array_equal(image.get_array(), rows)
-        assert image.get_clim() == (-np.abs(seeds).max(), np.abs(seeds).max())
-    apart = [np.diff([x.get_offsets().mean(0) for x in axis.collections], axis=0) for axis in clouds]
+    sets = {"seeds": seeds, "vanilla": like, "eigen": like + 0.5}
+    figure = figures.clouds({"coefficients": sets, "features": {name: x[:, :3] for name, x in sets.items()}})
+    assert [axis.get_title() for axis in figure.axes] == ["vanilla", "eigen"] * 2
+    assert [axis.get_title("left") for axis in figure.axes] == list("abcd")
+    assert legend(figure) == list(sets) and figure.axes[0].get_xlim() == figure.axes[1].get_xlim()
+    apart = [np.diff([x.get_offsets().mean(0) for x in axis.collections], axis=0) for axis in figure.axes]
     sizes = [np.linalg.norm(x) for x in apart]
-    assert sizes[0] == 0 and sizes[1] < 0.1 and sizes[2] == pytest.approx(0.5 * np.sqrt(12), rel=0.1)
+    assert sizes[0] < 0.1 and sizes[1] == pytest.approx(0.5 * np.sqrt(12), rel=0.1)
+    assert figure.axes[0].get_xlabel().startswith("coefficients, axis 1 (9")  # per cent: the offset
 
 
 def test_an_svg_has_text_unique_ids_and_reproducible_bytes(recwarn):

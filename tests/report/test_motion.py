@@ -9,7 +9,7 @@ from matplotlib.image import imread
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.canvas import save
-from sidegan.report.motion import Bundle, bounds, paths, poses, tip_paths
+from sidegan.report.motion import Bundle, bounds, paths, poses, surfaces, tip_paths
 from sidegan.robot.visuals import capsule_surface
 from tests.oracle import chain_model
 
@@ -36,17 +36,19 @@ def test_a_path_is_where_pinocchio_has_the_end_effector(arm):
     np.testing.assert_allclose(traces[:, 0], traces[:, -1], atol=1e-12)  # home at both ends
 
 
-def test_poses_stand_where_pinocchio_has_the_joints(arm):
-    (c,), model = some(SEVEN, 1), chain_model(arm)
-    data = model.createData()
-    figure, times = poses(arm, SEVEN, c, 6), SEVEN.times(25.0)
-    for axis, k in zip(figure.axes, (0, 67, 133, 200, 267, 333)):  # of the 401 times
-        assert axis.get_title() == f"{times[k]:.3g} s"
-        pinocchio.forwardKinematics(model, data, SEVEN.derivative(c[None], times[k : k + 1], 0)[0, 0])
-        bones = np.array(axis.lines[1].get_data_3d()).T
-        joints = [np.zeros(3), *(x.translation for x in list(data.oMi)[1:]), data.oMi[7].act(arm.tip)]
-        np.testing.assert_allclose(bones, joints, atol=1e-12)
-    assert len(figure.axes) == 6
+def test_poses_stand_where_pinocchio_has_the_links(arm):
+    c, model, times, capsules = some(SEVEN, 2), chain_model(arm), SEVEN.times(25.0), arm.capsules
+    figure, samples = poses(arm, SEVEN, c, 3), (0, 133, 267)  # of the 401 times
+    assert len(figure.axes) == 6 and [axis.get_title("left") for axis in figure.axes[::3]] == ["a", "b"]
+    assert [axis.get_title() for axis in figure.axes[:3]] == [f"{times[k]:.3g} s" for k in samples]
+    q, data = SEVEN.derivative(c[:1], times[list(samples)], 0)[0], model.createData()
+    for positions, triangles in zip(q, surfaces(arm, q)):
+        pinocchio.forwardKinematics(model, data, positions)
+        expected = []
+        for link, *shape in zip(capsules.link, capsules.a, capsules.b, capsules.radius):
+            (vertices, faces), place = capsule_surface(*shape), data.oMi[int(link) + 1]
+            expected.append((vertices @ place.rotation.T + place.translation)[faces])
+        np.testing.assert_allclose(triangles, np.concatenate(expected), atol=1e-12)
 
 
 @given(POINTS, POINTS, st.floats(0.01, 0.5))

@@ -1,0 +1,59 @@
+"""README's sentences on results have the numbers of its tables."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from sidegan.pipeline.places import CONF
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+RESULTS = README.partition("\n## What it shows\n")[2].partition("\n## ")[0]
+SETTINGS = ("scale/quick", "scale/paper", "selection/greedy")  # such as the number of seeds
+LEVEL = "95"  # per cent, of intervals
+NUMBER = (
+    r"(?<![\w.])(\d{1,3}(?:,\d{3})+|\d+(?:\.\d+)?)(?=((?: to [\d.]+)? %)?)"  # and whether per cent follows
+)
+MARKUP = re.compile(r"!?\[([^\]]*)\]\([^)]*\)|`[^`]*`")  # links, of which the words stay, and code
+
+
+def numbers(text: str) -> list[tuple[str, bool]]:
+    """Every number, and whether it is per cent."""
+    return [(number.replace(",", ""), bool(share)) for number, share in re.findall(NUMBER, text)]
+
+
+def unfounded(section: str) -> list[tuple[str, str]]:
+    """Numbers in sentences that no setting and no table of the section has, and their sentences.
+
+    Those of tables may be rounded, and shares may be in per cent.
+    """
+    lines = section.splitlines()
+    tables = "\n".join(line for line in lines if line.startswith("|"))
+    prose = "\n".join(line for line in lines if not line.startswith("|"))
+    plain = [float(number) for number, _ in numbers(tables)]
+    shares = [100 * x if x <= 1 else x for x in plain]
+    settings = {LEVEL}
+    for name in SETTINGS:
+        settings |= dict(numbers((CONF / f"{name}.yaml").read_text(encoding="utf-8"))).keys()
+    found = []
+    for sentence in re.split(r"(?<=[.:;])\s+|\n\n", MARKUP.sub(r"\1", prose)):
+        for number, share in numbers(sentence):
+            digits = len(number.partition(".")[2])
+            known = {f"{x:.{digits}f}" for x in (shares if share else plain)}
+            if number not in settings | known:
+                found.append((number, " ".join(sentence.split())))
+    return found
+
+
+@pytest.mark.parametrize("section", RESULTS.split("\n### "))
+def test_numbers_in_sentences_are_those_of_the_tables(section):
+    assert section.count("\n| ") > 5 and unfounded(section) == []
+
+
+@pytest.mark.parametrize(
+    ("number", "sentence"), [("8412", "It is 8,412 of them."), ("12.3", "Of these 12.3 % remain.")]
+)
+def test_a_number_of_no_table_is_told_with_its_sentence(number, sentence):
+    table = "\n| share |\n| --- |\n| 0.124 ± 0.1 |\n| 8,413 |\n"
+    told = unfounded(f"{table}\nA share of 0.12, 10 to 12.4 %, of 8,413.\n\n{sentence}\n")
+    assert told == [(number, sentence)]
