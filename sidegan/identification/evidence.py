@@ -21,6 +21,7 @@ _SAMPLES = 10_000  # enough to tell effects apart
 # Largest ratio of a joint's squared errors to those without an effect, on data held out and on all data: of
 # several recordings, and of stretches of one, which are too alike to tell what holds in other motions.
 _BETTER, _BETTER_IN_ONE = 0.95, 0.7
+_FORMS = 2  # parameters that may share this gain: an effect with four of them has to bring it twice
 _ROUNDS = 8  # in which loads are computed anew
 _SETTLED = 1e-3  # change of loads at which they have converged, as a share of the torque
 _TINY = np.finfo(float).tiny
@@ -121,6 +122,10 @@ class _Turns:
         self.whole = reduce(Sums.plus, self.parts)
         self.forms = len(every.columns) // model.joints
 
+    def most(self, kind: str) -> float:
+        """Largest ratio of errors with and without an effect at which it is kept."""
+        return self.better ** max(1.0, len(PLACES[kind]) / _FORMS)
+
     def columns(self, chosen: Sequence[Key]) -> list[int]:
         """The model's own columns, and those of effects."""
         count = self.model.count
@@ -162,17 +167,16 @@ def _chosen(turns: _Turns, chosen: list[Key]) -> list[Key]:
         for kind in KINDS:
             new = [(j, kind) for j in joints if (j, kind) not in chosen]
             ratio = turns.errors([*chosen, *new]) / best
-            clear = (ratio < 1).all(0) & (np.maximum(_mean(ratio), ratio[-1]) < turns.better)
+            clear = (ratio < 1).all(0) & (np.maximum(_mean(ratio), ratio[-1]) < turns.most(kind))
             ratios |= {key: float(_mean(ratio)[key[0]]) for key in new if clear[key[0]]}
         each = [[key for key in ratios if key[0] == j] for j in joints]
         picks = [min(keys, key=ratios.__getitem__) for keys in each if keys]
         if not picks:
             break
         chosen = [*chosen, *picks]
-    while chosen:
-        worth = {key: turns.worth(key, chosen) for key in chosen}
+    while worth := {key: turns.worth(key, chosen) / turns.most(key[1]) for key in chosen}:
         least = max(worth, key=worth.__getitem__)
-        if worth[least] < turns.better:
+        if worth[least] < 1:
             break
         chosen = [key for key in chosen if key != least]
     return chosen
