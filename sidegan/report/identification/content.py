@@ -97,9 +97,11 @@ def _needed(quality: Quality) -> str:
 
 def _held(identified: IdentifiedArm) -> str:
     """Which files hold the consistent model, and the terms that some of them cannot hold."""
-    terms = {"offset": "offsets (not in the URDF and the MJCF)", "rotor_inertia": "rotors (not in the URDF)"}
-    missing = " and ".join(words for kind, words in terms.items() if kind in identified.model.kinds)
-    but = f", except {missing}" if missing else ""
+    has = {*identified.model.kinds, *("effects" for _ in identified.effects)}
+    both = [what for kind, what in (("offset", "offsets"), ("effects", "effects on joints")) if kind in has]
+    missing = [f"{' and '.join(both)} (not in the URDF and the MJCF)"] if both else []
+    missing += ["rotors (not in the URDF)"] if "rotor_inertia" in has else []
+    but = f", except {' and '.join(missing)}" if missing else ""
     return f"The URDF, the MJCF, the Python class and the C header hold it{but}."
 
 
