@@ -72,7 +72,8 @@ def effects_of(
     joints = model.arm.joint_names
     if unknown := sorted({*(wanted or {})} - {*joints}):
         raise ConfigError(f"model.effects names {listed(unknown)}, expected joints of {listed(joints)}")
-    chosen = [(joints.index(name), kind) for name, kinds in (wanted or {}).items() for kind in kinds]
+    named = [(joints.index(name), kind) for name, kinds in (wanted or {}).items() for kind in kinds]
+    chosen = [*dict.fromkeys(named)]
     parts = _parts(recordings)
     better = _BETTER if len(recordings) > 1 else _BETTER_IN_ONE
     plain = reduce(Sums.plus, [gather(model, part).sums for part in parts])
@@ -83,7 +84,7 @@ def effects_of(
         every = Effects([*product(range(model.joints), KINDS)], load, usual)
         turns = _Turns(model, parts, every, fit.weights, better)
         before = chosen
-        chosen = before if wanted else _chosen(turns, before)
+        chosen = _chosen(turns, before) if wanted is None else before
         if not chosen:
             return Found(None, [])
         change = turns.fitted(chosen, turns.whole)[: model.moved] - load

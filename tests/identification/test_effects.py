@@ -96,8 +96,9 @@ def arm_joint(model, joint):
 
 def test_wanted_effects_are_kept_and_unknown_joints_refused(model):
     data = [[recorded(model, truth_of(model), seed)] for seed in (0, 1)]
-    found = effects_of(model, data, {arm_joint(model, 2): ["load", "direction"]})
+    found = effects_of(model, data, {arm_joint(model, 2): ["load", "direction", "load"]})
     assert [(effect.joint, effect.kind) for effect in found.each] == [(2, "direction"), (2, "load")]
+    assert effects_of(model, data, {}).effects is None
     with pytest.raises(ConfigError) as error:
         effects_of(model, data, {"wrist": ["load"]})
     assert "wrist" in str(error.value) and arm_joint(model, 0) in str(error.value)
