@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from pkgutil import resolve_name
 from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
@@ -11,6 +12,7 @@ from sidegan.errors import ConfigError
 
 Beta = Annotated[float, Field(ge=0, lt=1)]
 _OWN = "or a class of your own as package.module.Class"
+_VARIANTS = "sidegan.gan.variants"
 _SURROGATES = ("features", "success", "fitness")  # losses that use surrogates
 
 
@@ -176,10 +178,14 @@ class Variant:
             return TRAITS[self.variant]
         if "." not in self.variant:
             raise ConfigError(f"variant is {self.variant!r}, expected one of {', '.join(TRAITS)}, {_OWN}")
-        from sidegan.gan.variants import class_of  # imports torch
-
-        names = [base.__name__ for base in class_of(self.variant).__mro__]
-        return next(TRAITS[name] for name in names if name in TRAITS)
+        try:
+            bases = resolve_name(self.variant).__mro__
+            return next(TRAITS[base.__name__] for base in bases if base.__module__ == _VARIANTS)
+        except (ImportError, AttributeError, ValueError) as error:
+            raise ConfigError(f"variant is {self.variant!r}, which is no class: {error}") from error
+        except StopIteration:
+            said = f"variant is {self.variant!r}, expected a subclass of one of {', '.join(TRAITS)}"
+            raise ConfigError(f"{said} in {_VARIANTS}") from None
 
 
 _SIDE = Variant(

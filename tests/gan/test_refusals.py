@@ -24,8 +24,9 @@ EXACT = {"variant": "Exact", "exact": PHYSICS, "reward": REWARD, "weights": asdi
     ("settings", "words"),
     [
         ({"variant": "Colour"}, "variant is 'Colour', expected one of Vanilla, Eigen, Diagonal, Predicting"),
-        ({"variant": "no.such.Colour"}, "variant is 'no.such.Colour', which cannot be imported: No module"),
-        ({"variant": "os.path.join"}, "variant is 'os.path.join', expected a subclass of one of Vanilla"),
+        ({"variant": "no.such.Colour"}, "variant is 'no.such.Colour', which is no class: No module"),
+        ({"variant": "os.path.join"}, "variant is 'os.path.join', which is no class: "),
+        ({"variant": "pathlib.Path"}, "variant is 'pathlib.Path', expected a subclass of one of Vanilla"),
         ({"weights": FIT}, "Vanilla has no such loss: weights.fitness must be 0"),
         ({"generator": {"betas": [0.5, 1]}}, "generator.betas[1] is 1, expected a number < 1"),
         ({"generator": {"batch": 1}}, "generator.batch is 1, expected a whole number ≥ 2"),

@@ -162,7 +162,8 @@ def identified(name: str) -> dict[str, Any]:
         training, held_out = split(training, 0.3)
     else:
         (held_out,) = read_and_check([(str(DATA / other), "validation")], *more)
-    result = identify_arm(arm, [training], [held_out], model, EstimationSettings())
+    plain = replace(model, effects="none")  # which thresholds decide
+    result = identify_arm(arm, [training], [held_out], plain, EstimationSettings())
     return _flat(verdict(result))
 
 

@@ -53,7 +53,7 @@ MADE |= {"long": 2, "selection": 12, "identification": 14, "plant": 9, "table": 
 COLUMNS = ["single long, 3 harmonics", "single long, 12 harmonics", "random valid", "seeds"]
 COLUMNS += [f"seeds + {name}" for name in ("vanilla", "eigen", "diagonal", "prediction", "exact")]
 FILES = ("table1.md", "draws.md", "joints.csv", "sets.csv", "generators.md", "likeness.md", "results.csv")
-FILES += ("training.*", "nmse.*", "coefficients.*")
+FILES += ("training.*", "nmse.*", "likeness.*", "poses.*")
 
 
 def test_every_stage_makes_its_artifacts(made):
