@@ -134,7 +134,7 @@ def _differences(found: IdentifiedArm) -> list[Finding]:
     """
     model, quality, chosen = found.model, found.quality, found.chosen
     arm, described = model.arm, quality.mean(quality.nominal_score)
-    if quality.verdict == BAD or placeholder_links(arm):
+    if quality.verdict == BAD or placeholder_links(arm) or not arm.inertial_parameters.any():
         return []
     if quality.as_good(quality.nominal_score):
         errors = f"mean nMSE {shown(described)} against {shown(quality.mean(quality.judged))}"

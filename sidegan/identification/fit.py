@@ -78,7 +78,7 @@ def residual_of(model: Linear, part: Measurements, parameters: Array) -> Array:
 
 
 def _sums(model: Linear, part: Measurements) -> Sums:
-    if not isinstance(model, TorqueModel) or model.kinds or part.joints != model.joints:
+    if not isinstance(model, TorqueModel) or model.kinds or model.effects or part.joints != model.joints:
         return sums_of(_regressor(model, part), part.torque)
     # For rigid bodies alone the same sums need no regressor in memory.
     products = model.body.sums(*part.states, part.torque)
@@ -117,6 +117,8 @@ def constrained(sums: Sums, weights: Array, fixed: Array, free: Array) -> tuple[
     independent torques.
     """
     information, moment = sums.weighted(weights)
+    if not free.size:
+        return fixed, np.zeros(0), np.zeros((0, 0))
     x, inverse = solve(free.T @ information @ free, free.T @ (moment - information @ fixed), LEAST)
     return fixed + free @ x, x, inverse
 

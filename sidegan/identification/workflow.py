@@ -53,7 +53,7 @@ def identify_arm(
         return plain
     result = _judged(TorqueModel(model.body, terms, found.effects), training, validation, settings)
     result = replace(result, effects=found.each)
-    if plain.quality.verdict != BAD:
+    if plain.quality.verdict != BAD or result.quality.verdict == BAD:
         return result
     doubt = Finding(USABLE, f"not trustworthy without its effects on joints: {plain.quality.reasons[0]}")
     return replace(result, quality=replace(result.quality, causes=(*result.quality.causes, doubt)))

@@ -7,6 +7,8 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 
+_AT_REST = 9  # digits of a velocity: smaller ones are rounding, and have no sign
+
 
 @dataclass(frozen=True, eq=False)
 class Drives:
@@ -27,7 +29,7 @@ class Drives:
 
     def torque(self, dq: Array, ddq: Array) -> Array:
         """Torque of rotors and all friction [N·m or N] at velocities and accelerations, (…, J) each."""
-        return self.smooth(dq, ddq) + self.coulomb * np.sign(dq)
+        return self.smooth(dq, ddq) + self.coulomb * np.sign(np.round(dq, _AT_REST))
 
     @classmethod
     def none(cls, joints: int) -> "Drives":

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from sidegan.errors import RecordingError
-from sidegan.identification import estimate
+from sidegan.identification import EstimationSettings, Terms, estimate
 from sidegan.identification.estimate import Score, score
 from sidegan.identification.identified import CONSISTENT, measurements_of
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding
-from sidegan.identification.workflow import cross_validated, preferred
+from sidegan.identification.workflow import cross_validated, identify_arm, preferred
 from sidegan.report.identification.content import advice
 from tests.identification.recordings import checked, half_still, identified, judged, model_of, recorded
 
@@ -250,3 +250,19 @@ def test_friction_for_a_file_is_the_best_beside_the_links(planar, recordings, ki
     for kind in kinds:
         columns = model.mapping[:, model.standard_slice(kind)]
         assert (held[kind] > 0).all() and (np.abs(columns.T @ slope) < 1e-9 * (columns.T @ size)).all()
+
+
+def test_a_model_of_rigid_bodies_alone_is_identified(planar):
+    """It has no terms to fit beside the description's links."""
+    parts = [checked(planar, seed, friction=(0.0, 0.0)) for seed in (0, 1)]
+    plain = Terms(viscous=False, coulomb=False, offset=False)
+    found = identify_arm(planar, parts[:1], parts[1:], plain, EstimationSettings())
+    assert found.quality.verdict == GOOD and found.model.kinds == ()
+
+
+def test_links_without_a_mass_are_no_load_that_differs(planar):
+    """A description without inertias says nothing that could differ."""
+    empty = replace(planar, inertial_parameters=0 * planar.inertial_parameters)
+    parts = [checked(empty, seed, planar) for seed in (0, 1)]
+    reasons = identified(empty, parts[:1], parts[1:]).quality.reasons
+    assert not any("is the tool in it" in reason for reason in reasons)

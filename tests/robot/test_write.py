@@ -147,3 +147,9 @@ def test_three_engines_read_the_same_arm_from_mjcf(name, tmp_path):
     np.testing.assert_allclose(model.upperPositionLimit, arm.position_upper, rtol=0, atol=1e-12)
     assert other.ngeom == len(arm.capsules.link) and np.all(other.geom_contype & other.geom_conaffinity)
     assert [other.joint(i).name for i in range(arm.joints)] == list(arm.joint_names)
+
+
+def test_a_joint_at_rest_has_no_friction():
+    """Whatever the rounding of its velocity."""
+    drives = Drives(np.zeros(1), np.ones(1), np.zeros(1))
+    assert drives.torque(np.array([[-1e-15], [0.0], [1e-3]]), np.zeros((3, 1))).ravel().tolist() == [0, 0, 1]
