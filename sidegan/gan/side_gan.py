@@ -48,7 +48,7 @@ class SideGAN(pl.LightningModule):
         Loss(weights.slow, lambda batch: batch.coefficients.square().mean())
 
     and set the weight: a field of ``settings.Weights``, and its value in the variant's file in ``conf/gan``.
-    A new variant is a subclass of one in ``variants``, anywhere, and such a file, also anywhere.
+    A new variant is a subclass of one in ``variants`` and such a file; both may be outside this package.
 
     Args:
         settings: of the variant.

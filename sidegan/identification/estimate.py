@@ -43,9 +43,7 @@ class Estimate:
     covariance: Array  # of the parameters, (P, P), due to torque errors; errors of states are not included
     weights: Array  # weight of each joint's equations, (J,)
     inflation: Array  # samples per independent sample, (J,)
-    condition: (
-        float  # of the weighted, scaled regressor without effects; infinite if some direction is not excited
-    )
+    condition: float  # of the weighted, scaled regressor without effects; infinite if a direction is idle
     samples: int  # number of samples, each of all joints
     sums: Sums  # over the samples; allow a fit with other weights
     standard: Array | None = None  # in ``TorqueModel.standard_names``' order, (F,); consistent method only

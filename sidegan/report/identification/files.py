@@ -12,7 +12,7 @@ from sidegan.recording.grid import low_pass
 from sidegan.recording.recording import Segment
 from sidegan.robot import torque_of_mjcf, torque_of_urdf
 
-_SAMPLES = 100_000  # at most, of seconds of work: the beginning of every stretch
+_SAMPLES = 100_000  # of all stretches together, from the beginning of each: a few seconds of work
 
 
 def file_errors(identified: IdentifiedArm, urdf: Path, mjcf: Path, source: Path) -> dict[str, Score]:
