@@ -10,6 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from sidegan.robot import Arm, load_robot
 
+from .refusals import said
+
 os.environ["OMP_NUM_THREADS"] = "1"  # of workers and commands that tests start
 os.environ["LOKY_MAX_CPU_COUNT"] = "1"  # tests run in parallel already; starting workers takes seconds
 threadpool_limits(1)
@@ -29,6 +31,18 @@ SKIPS = re.compile(
     r"|needs a browser|needs a compiler|needs root|no clone"
     r"|could not import '(dvc|xacro|xacrodoc|hydra_plugins\.hydra_submitit_launcher)\b"
 )
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """A file for the messages of all refusals, to be read by a person."""
+    parser.addoption("--messages", type=Path, metavar="FILE", help="write the messages of refusals to a file")
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Add this process's messages to the file."""
+    if file := session.config.getoption("--messages"):
+        with Path(file).open("a", encoding="utf-8") as stream:
+            stream.writelines(f"{message}\n" for message in said())
 
 
 @pytest.hookimpl(wrapper=True)
