@@ -1,4 +1,4 @@
-"""What is refused: tests compare the kind of an error and the names of what it is about, and not its sentences.
+"""What is refused: tests compare the kind of an error and the names that it is about, not its sentences.
 
 ``pytest --messages=FILE`` writes the sentences, of the tests that ran, into one file for a person to read.
 """
@@ -15,7 +15,7 @@ _said: list[str] = []
 
 @contextmanager
 def refused(kind: type[SideganError], *about: str) -> Iterator[pytest.ExceptionInfo[SideganError]]:
-    """The block has to raise an error of this kind, whose message has these names of joints, settings, files."""
+    """The block has to raise an error of this kind, that names these joints, settings or files."""
     with pytest.raises(kind) as caught:
         yield caught
     message = str(caught.value)
