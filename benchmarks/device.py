@@ -24,7 +24,6 @@ from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 from sidegan.gan.side_gan import Data
 from sidegan.gan.tensors import tensor
 from sidegan.gan.training import fit
-from sidegan.gan.variants import VARIANTS
 
 SEEDS, EPOCHS, WARM = 1800, 2, 1
 _SAMPLES, _BATCHES = 20_000, 5
@@ -58,7 +57,7 @@ def task() -> tuple[Any, Data]:
 
 def rates(variant: Any, data: Data, device: str) -> dict[str, float]:
     """Wall time of an epoch [s] and of a sample [µs] on a device."""
-    model = VARIANTS[variant.variant](variant, data)
+    model = resolve_name(variant._target_)(variant, data)
     rows = TensorDataset(torch.arange(len(data.seeds)))
     order = RandomSampler(rows, num_samples=model.steps * variant.generator.batch)
 

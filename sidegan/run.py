@@ -15,8 +15,8 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from sidegan.base.conf import CONF
 from sidegan.pipeline.compose import explain
-from sidegan.pipeline.places import CONF
 from sidegan.pipeline.run import BAD_CONFIG, FAILURE, INTERRUPTED, interrupts, run_job
 from sidegan.pipeline.sweep import end_sweep, swept
 
@@ -40,6 +40,10 @@ def main() -> int:
             "error: hydra/launcher=slurm is for a machine that submits to SLURM: there is no srun\n"
         )
         return FAILURE
+    if not all(word.startswith("-") for word in sys.argv[1:]):  # --help alone needs none, and answers at once
+        from sidegan.pipeline.settings import offer
+
+        offer()
     try:
         _command()
         sys.stdout.flush()  # here and not at the interpreter's end, which would print a traceback

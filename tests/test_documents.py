@@ -11,8 +11,8 @@ import pytest
 from omegaconf import OmegaConf
 
 import sidegan
+from sidegan.base.conf import CONF
 from sidegan.gan.settings import ExactPhysics, GeneratorSettings, Refresh, Reward, Weights
-from sidegan.pipeline.places import CONF
 from sidegan.seeding import Seeds
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -21,7 +21,7 @@ LARGEST = 100_000  # bytes of a picture
 
 # What takes the place of the settings at the top, and what must be printed then.
 SMALLER = {"epochs": 2, "steps": 2, "generator": {"width": 16}}
-VANILLA = {"variant": "Vanilla", "weights": {"adversarial": 1}, **SMALLER}
+VANILLA = {"_target_": "sidegan.gan.variants.Vanilla", "weights": {"adversarial": 1}, **SMALLER}
 SURROGATES = {"samples": 400, "epochs": 2, "width": 16, "negatives": {"vanilla": VANILLA}}
 SMALL = {
     "your_arm": ("count = 2", "set/trajectories/2.csv"),

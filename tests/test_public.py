@@ -15,7 +15,7 @@ import torch
 
 import sidegan as sg
 from sidegan.design.excitation import information_of
-from sidegan.gan.settings import RECIPES
+from sidegan.gan.settings import recipe
 from sidegan.steps.identify import check_recordings
 
 GENERATOR = {"width": 16, "noise": 8, "batch": 20, "corrections": 1}
@@ -260,7 +260,10 @@ REFUSED = [
     ("cell is 'planar2'", lambda cell, it: sg.TrajectorySet.load("set", "planar2")),
     ("known is 3", lambda cell, it: sg.excite(cell, 1, known=3)),
     ("period=8.0.*period=16.0", lambda cell, it: sg.train("vanilla", sg.Cell("planar2", harmonics=3), it)),
-    ("no such setting", lambda cell, it: sg.train({"variant": "Vanilla", "weigths": {}}, cell, it)),
+    (
+        "no such setting",
+        lambda cell, it: sg.train({"_target_": "sidegan.gan.variants.Vanilla", "weigths": {}}, cell, it),
+    ),
     ("workers is -3", lambda cell, it: sg.seeds(cell, 3, workers=-3)),
     ("surrogates is {}, expected the folder", lambda cell, it: sg.train("eigen", cell, it, surrogates={})),
     ("box is -1", lambda cell, it: sg.train("vanilla", cell, it, box=-1)),
@@ -327,7 +330,9 @@ def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path, 
 def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     assert seeds.valid.all() and len(seeds) == 60
     networks = {"width": 16, "margin_steps": 8, "feature_steps": 8}
-    networks["negatives"] = {"vanilla": {"variant": "Vanilla", "weights": {"adversarial": 1}, **SMALL}}
+    networks["negatives"] = {
+        "vanilla": {"_target_": "sidegan.gan.variants.Vanilla", "weights": {"adversarial": 1}, **SMALL}
+    }
     told = sg.surrogates(cell, seeds, tmp_path, workers=1, samples=200, epochs=2, **networks)
     accepted = {f"accepted{size}" for size in ("", "_25", "_50", "_75")}
     explained = {f"r2_{name}" for name in ("spectrum", "diagonal", "energies")}
@@ -340,7 +345,7 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     assert torch.equal(before[0], torch.get_rng_state()) and (before[1] == np.random.get_state()[1]).all()
     made = generator.sample(20)
     assert made.shape == (20, 2, 3, 2) and len(generator.history) == 2
-    ways = {"rank": 0}, replace(RECIPES["eigen"].weights, rank=0.0)  # to leave out one loss alone
+    ways = {"rank": 0}, replace(recipe("eigen").weights, rank=0.0)  # to leave out one loss alone
     less = [sg.train("eigen", cell, seeds, surrogates=tmp_path, weights=x, **SMALL).history for x in ways]
     assert less[0].equals(less[1]) and not less[0].equals(generator.history)
     generator.save(tmp_path / "eigen.pt")

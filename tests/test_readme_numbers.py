@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sidegan.pipeline.places import CONF
+from sidegan.base.conf import CONF
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 RESULTS = README.partition("\n## What it shows\n")[2].partition("\n## ")[0]

@@ -65,7 +65,7 @@ def test_the_wheel_metadata_are_right(wheel):
 
 WHERE = """
 from sidegan.pipeline.artifact import versions
-from sidegan.pipeline.places import CONF
+from sidegan.base.conf import CONF
 print(CONF, versions()["gan"] > 0)
 """
 

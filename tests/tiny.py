@@ -7,8 +7,8 @@ from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
-from sidegan.pipeline.places import CONF
-from sidegan.pipeline.settings import validate
+from sidegan.base.conf import CONF
+from sidegan.pipeline.settings import offer, validate
 
 TINY = (
     "scale=tiny",
@@ -34,6 +34,8 @@ TINY = (
     "plants.plant.rate=250",
 )
 
+
+offer()
 
 # What keeps an experiment small besides; artifacts that several tests use are made with these settings alone.
 SMALL = {

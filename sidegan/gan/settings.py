@@ -1,23 +1,23 @@
 """Settings of the variants and of their surrogates."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass
 from pkgutil import resolve_name
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
+from sidegan.base.conf import chosen
+from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width, build
 from sidegan.errors import ConfigError
 
 Beta = Annotated[float, Field(ge=0, lt=1)]
-_OWN = "or a class of your own as package.module.Class"
 _VARIANTS = "sidegan.gan.variants"
 _SURROGATES = ("features", "success", "fitness")  # losses that use surrogates
 
 
 class Traits(NamedTuple):
-    """Properties of a variant's class."""
+    """What settings of a variant depend on its class, which takes torch to import."""
 
     features: str | None = None  # predicted by its converter: a field of ``Labelled``
     groups: tuple[str, ...] = ()  # of settings that only some variants have
@@ -128,11 +128,11 @@ class GeneratorSettings:
 class Variant:
     """A SIDE-GAN variant: its class, the weights of its losses, and its training."""
 
-    variant: str  # the class in ``gan.variants``, or a subclass elsewhere: package.module.Class
-    weights: Weights  # of the generator's losses
+    _target_: str  # its class: one in ``sidegan.gan.variants``, or a subclass elsewhere
+    weights: Weights = Weights()  # of the generator's losses
     generator: GeneratorSettings = GeneratorSettings()  # shared by the variants of a run
-    epochs: Count = 50  # of training; samples are measured by exact physics after each
-    steps: Count | None = 18  # discriminator steps per epoch; null: one pass over the seeds
+    epochs: Count  # of training; samples are measured by exact physics after each
+    steps: Count | None  # discriminator steps per epoch; null: one pass over the seeds
     generator_steps: Count = 2  # per discriminator step
     fitness_start: Natural = 0  # first epoch with the fitness loss
     diversity: Part = 1.0  # lower bound of the rank, as a share of the seeds' rank
@@ -147,16 +147,16 @@ class Variant:
         if not isinstance(self.weights, Weights):
             raise ConfigError(f"weights are {self.weights!r}, expected Weights")
         if foreign := [f"weights.{name}" for name in traits.missing if getattr(self.weights, name)]:
-            raise ConfigError(f"{self.variant} has no such loss: {', '.join(foreign)} must be 0")
+            raise ConfigError(f"{self.name} has no such loss: {', '.join(foreign)} must be 0")
         start = self.fitness_start
         if self.features and self.weights.fitness and start >= self.epochs:
             raise ConfigError(f"fitness_start {start} comes after the last of {self.epochs} epochs")
         for group in ("exact", "reward", "published"):
             needed = group in traits.groups
             if (getattr(self, group) is not None) != needed:
-                raise ConfigError(f"{self.variant} {'needs' if needed else 'has no'} settings {group}")
+                raise ConfigError(f"{self.name} {'needs' if needed else 'has no'} settings {group}")
         if self.refresh is not None and (self.published is not None or not self.features):
-            raise ConfigError(f"{self.variant} has no surrogates to refresh: set refresh to null")
+            raise ConfigError(f"{self.name} has no surrogates to refresh: set refresh to null")
         later = "fitness" if self.features and start else ""
         if not any(weight for name, weight in vars(self.weights).items() if name != later):
             raise ConfigError("no loss has a weight in the first epoch, expected one of weights above 0")
@@ -172,53 +172,31 @@ class Variant:
         return self.traits.features
 
     @property
+    def name(self) -> str:
+        """The class: a variant of this package by its name."""
+        return self._target_.removeprefix(f"{_VARIANTS}.")
+
+    @property
     def traits(self) -> Traits:
-        """Properties of the variant's class; a subclass elsewhere has those of the class it is made from."""
-        if self.variant in TRAITS:
-            return TRAITS[self.variant]
-        if "." not in self.variant:
-            raise ConfigError(f"variant is {self.variant!r}, expected one of {', '.join(TRAITS)}, {_OWN}")
+        """Properties of the class; a subclass elsewhere has those of the class it is made from."""
+        if self.name in TRAITS:
+            return TRAITS[self.name]
+        why = ""
         try:
-            bases = resolve_name(self.variant).__mro__
-            return next(TRAITS[base.__name__] for base in bases if base.__module__ == _VARIANTS)
+            for base in getattr(resolve_name(self._target_), "__mro__", ()):
+                if base.__module__ == _VARIANTS and base.__name__ in TRAITS:
+                    return TRAITS[base.__name__]
         except (ImportError, AttributeError, ValueError) as error:
-            raise ConfigError(f"variant is {self.variant!r}, which is no class: {error}") from error
-        except StopIteration:
-            said = f"variant is {self.variant!r}, expected a subclass of one of {', '.join(TRAITS)}"
-            raise ConfigError(f"{said} in {_VARIANTS}") from None
+            why = f": {error}"
+        raise ConfigError(
+            f"_target_ is {self._target_!r}, expected a subclass of one of {', '.join(TRAITS)} in "
+            f"{_VARIANTS}{why}"
+        )
 
-
-_SIDE = Variant(
-    variant="Eigen",
-    weights=Weights(
-        adversarial=1.0, features=1.0, success=150.0, fitness=200.0, distance=250.0, rank=350.0, offset=900.0
-    ),
-    reserve=0.03,
-    refresh=Refresh(),
-)
-# Our variants, with the same names as in ``conf/gan``.
-RECIPES: dict[str, Variant] = {
-    "vanilla": Variant(variant="Vanilla", weights=Weights(adversarial=1.0)),
-    "eigen": _SIDE,
-    "diagonal": replace(_SIDE, variant="Diagonal"),
-    "prediction": replace(
-        _SIDE,
-        variant="Predicting",
-        weights=replace(_SIDE.weights, fitness=30.0, rank=400.0),
-        diversity=0.92,
-        reward=Reward(),
-    ),
-    "exact": Variant(
-        variant="Exact",
-        weights=Weights(success=4000.0, fitness=6.0, distance=60.0, rank=150.0, offset=60.0),
-        epochs=16,
-        steps=60,
-        generator_steps=1,
-        diversity=0.8,
-        exact=ExactPhysics(),
-        reward=Reward(),
-    ),
-}
+    def stamped(self) -> dict[str, Any]:
+        """Plain values that identify artifacts."""
+        values = asdict(self)
+        return {"variant": self.name, **{name: x for name, x in values.items() if name != "_target_"}}
 
 
 # The variant whose samples surrogates learn from, by its name.
@@ -231,9 +209,9 @@ class SurrogateSettings:
 
     recipe: Literal["ours"] = "ours"  # the published one is for commands alone
     # variant, under its name, whose samples they learn from in addition to the seeds
-    negatives: Negatives = field(default_factory=lambda: {"vanilla": RECIPES["vanilla"]})
-    samples: Count = 12_000  # that are labelled by exact physics
-    epochs: Count = 24  # of each network's training
+    negatives: Negatives
+    samples: Count  # that are labelled by exact physics
+    epochs: Count  # of each network's training
     width: Count = 128  # of the networks
     margin_steps: Count = 24  # time points per trajectory for margins
     feature_steps: Count = 16  # time points per trajectory for the converter
@@ -251,3 +229,39 @@ class PublishedSurrogates:
 
 
 Surrogates = Annotated[SurrogateSettings | PublishedSurrogates, Field(discriminator="recipe")]
+
+
+# Whose defaults files in ``conf/`` begin with.
+DEFAULTS = {
+    "variant": Variant,
+    "generator": GeneratorSettings,
+    "refresh": Refresh,
+    "reward": Reward,
+    "exact_physics": ExactPhysics,
+    "published": Published,
+    "surrogates": SurrogateSettings,
+}
+
+
+def recipe(name: str) -> Variant:
+    """The variant that ``gan=name`` composes, at scale quick.
+
+    Raises:
+        ConfigError: when there is none.
+    """
+    found = chosen("gan", name, DEFAULTS, "defaults@gan.generator=generator")
+    if name not in found:
+        several = ", ".join(found.keys() - {"generator"})
+        raise ConfigError(f"there is no variant {name!r}: gan={name} is {several}")
+    return build(Variant, found[name])
+
+
+def surrogates_recipe(**changes: Any) -> SurrogateSettings:
+    """The surrogates that ``surrogates=default`` composes, at scale quick, with changed settings.
+
+    Raises:
+        ConfigError: when a setting is unknown or out of range; names it.
+    """
+    found = chosen("surrogates", "default", DEFAULTS)
+    del found["negatives"]["generator"]  # which the variant has resolved
+    return build(SurrogateSettings, found | changes)

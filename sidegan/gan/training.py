@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,6 @@ from sidegan.gan.settings import Refresh, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.surrogates import learn
 from sidegan.gan.tensors import array, read_tensors, tensor, write_tensors
-from sidegan.gan.variants import class_of
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
 
@@ -79,7 +79,7 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     data.trajectory.check(data.seeds)
     if len(data.seeds) > 1 and not np.ptp(data.seeds, axis=0).any():
         raise ConfigError(f"all {len(data.seeds)} seeds are the same trajectory, expected different ones")
-    model = class_of(settings.variant)(settings, data, run.name)
+    model = resolve_name(settings._target_)(settings, data, run.name)
     rows, batch = TensorDataset(torch.arange(len(data.seeds))), settings.generator.batch
     order = RandomSampler(rows, num_samples=model.steps * batch)  # without replacement in each pass
     batches = DataLoader(rows, batch, sampler=order)

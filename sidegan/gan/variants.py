@@ -4,7 +4,6 @@ The latter follow the code that accompanies Jegorova et al. 2020 (``seeding.publ
 where the paper's text differs.
 """
 
-from pkgutil import resolve_name
 from typing import Any, cast
 
 import torch
@@ -187,13 +186,3 @@ def unevenness(features: Tensor, kind: str) -> Tensor:
     share = x / x.sum(1, keepdim=True)
     entropy = -(share * share.log()).sum(1).mean()
     return entropy if kind == "entropy" else -entropy
-
-
-_OURS: list[type[SideGAN]] = [Vanilla, Eigen, Diagonal, Predicting, Exact]
-_PUBLISHED = [PublishedEigen, PublishedDiagonal]
-VARIANTS = {variant.__name__: variant for variant in (*_OURS, *_PUBLISHED)}
-
-
-def class_of(name: str) -> type[SideGAN]:
-    """A variant's class by its name in ``VARIANTS``, or elsewhere as ``package.module.Class``."""
-    return VARIANTS[name] if name in VARIANTS else cast("type[SideGAN]", resolve_name(name))

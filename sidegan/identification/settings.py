@@ -23,8 +23,8 @@ class StudySettings:
     # standard deviation of a constant noise, as real sensors have it, for a second set of expected errors: a
     # share of each joint's torque limit, or without one of its largest torque over random states
     constant: Positive = 0.01
-    repeats: Count = 10  # noise realisations
-    tests: Count = 10  # test trajectories
+    repeats: Count  # noise realisations
+    tests: Count  # test trajectories
     reach: Part = 0.8  # share of its tightest limit that each test trajectory uses
 
 
@@ -42,7 +42,7 @@ class ReplicationSettings:
     # how often the seeds are measured; one column of Table II for each
     replicas: list[Count] = field(default_factory=lambda: [1, 4, 10])
     noise: Noise = Noise(state=True)  # of noisy measurements
-    repeats: Count = 10  # noise draws of the first reading
+    repeats: Count  # noise draws of the first reading
     others: Count = 3  # noise draws of every other reading, at most
 
     def __post_init__(self) -> None:

@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 class Expansion:
     """Growth of the library from the generator."""
 
-    count: Count = 933
+    count: Count
     batch: Size = 500
     draws: Count = 600_000  # most samples drawn before giving up
     least: Natural = 1  # least number of valid trajectories; with fewer a generator is refused

@@ -13,10 +13,10 @@ from typing import Any
 
 import yaml
 
+from sidegan.base.conf import VERSIONS
 from sidegan.base.names import folder_name
 from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
-from sidegan.pipeline.places import VERSIONS
 
 # stages of makers that do not have their name
 _STAGES = {"baseline": "random", "short": "long", "sums": "replication"}

@@ -12,10 +12,9 @@ from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from sidegan.base.conf import CONF
 from sidegan.base.names import folder_name
 from sidegan.errors import ConfigError
-from sidegan.pipeline.places import CONF
-from sidegan.pipeline.stages import STAGES
 
 if TYPE_CHECKING:
     from sidegan.pipeline.settings import Config
@@ -30,14 +29,13 @@ OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
 OmegaConf.register_new_resolver("times", times, replace=True)
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 _FOREIGN = re.compile(r"(?<=[=:,\[{])[^=:,\[\]{}]*[^\x00-\x7f][^,\[\]{}]*")  # a value that is not ASCII
-_STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
-OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
 
 def composed(*overrides: str) -> "Config":
     """The settings of a command with these overrides; within a run, with that run's search path."""
-    from sidegan.pipeline.settings import validate  # imports every room
+    from sidegan.pipeline.settings import offer, validate  # imports every room
 
+    offer()
     within = GlobalHydra.instance().is_initialized()
     try:
         with nullcontext() if within else hydra.initialize_config_dir(str(CONF), version_base="1.3"):
@@ -83,7 +81,9 @@ def _unknown(key: str, inner: str, parent: Any) -> str:
     siblings = names_in(Config, group)
     groups = parent.items() if isinstance(parent, DictConfig) else ()
     below = [
-        ".".join((*group, str(one), name)) for one, held in groups if OmegaConf.is_dict(held) and name in held
+        ".".join((*group, str(one), name))
+        for one, held in groups
+        if one != "usual" and OmegaConf.is_dict(held) and name in held
     ]
     near = f"; did you mean {' or '.join(below)}?" if below else suggest(Config, place).replace(".*", "")
     if name in siblings:

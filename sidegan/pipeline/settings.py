@@ -1,27 +1,28 @@
 """The schema of ``conf/``: the settings of a run, and the dataclass of each group.
 
-Defaults are those of ``conf/`` at scale quick; a test compares them. A command composes the groups that it
-uses; the others are absent.
+Files in ``conf/`` begin with the defaults of these dataclasses, ``/defaults/<group>``. A command composes the
+groups that it uses; the others are absent.
 """
 
 import re
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from itertools import chain
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import Field
 
+from sidegan.base.conf import offer_defaults
 from sidegan.base.extras import extra
-from sidegan.base.typed import Count, Natural, NonNegative, Number, Open, Part, Positive, build
+from sidegan.base.typed import Count, Natural, Number, Open, Part, Positive, build
 from sidegan.cell import TrajectoryFamily, Workspace
 from sidegan.controllers import ExportSettings
 from sidegan.design.problem import SearchSettings
 from sidegan.design.selection import Selection
 from sidegan.errors import ConfigError
-from sidegan.gan.settings import Surrogates, Variant
+from sidegan.gan.settings import DEFAULTS, Surrogates, Variant
 from sidegan.identification import (
     EstimationSettings,
     GoalSettings,
@@ -58,7 +59,7 @@ class ConditionSettings:
 class Plants:
     """Simulated plants that replace the robot, and the model identified from them."""
 
-    count: Count = 2
+    count: Count
     plant: VariedSettings = VariedSettings()
     sensors: Sensors = Sensors()
     model: Terms = Terms()  # in addition to rigid bodies
@@ -83,20 +84,20 @@ class Robot(Setup):
 class Discussion:
     """Training on fewer seeds, a kernel density estimate instead of a generator, and generation speed."""
 
-    sizes: list[Count] = field(default_factory=lambda: [100, 200])  # of the seed set
+    sizes: list[Count]  # of the seed set
     # of the kernel, relative to Scott's rule
     bandwidths: list[Positive] = field(default_factory=lambda: [1.0, 0.7, 0.5, 0.25, 0.1])
-    draws: Count = 1000  # samples of the density estimate to check
-    trainings: list[Natural] = field(default_factory=lambda: [0])  # of each variant on fewer seeds
-    seconds: Positive = 3.0  # duration of each speed measurement [s]
+    draws: Count  # samples of the density estimate to check
+    trainings: list[Natural]  # of each variant on fewer seeds
+    seconds: Positive  # duration of each speed measurement [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parallel:
     """How work is distributed over cores and machines."""
 
-    workers: Workers | None = None  # processes on this machine; null: one per core
-    scheduler: str | None = None  # address of a Dask cluster whose workers are used instead
+    workers: Workers | None  # processes on this machine; null: one per core
+    scheduler: str | None  # address of a Dask cluster whose workers are used instead
 
     def __post_init__(self) -> None:
         if self.scheduler is not None and not _SCHEDULER.fullmatch(self.scheduler):
@@ -134,12 +135,11 @@ class Config:
     stages: list[str]
     seed: Natural
     outputs: str
-    clearance: NonNegative | None  # default for workspaces [m]
-    effort: Part | None  # default for robots
     publish: str | None  # folder of a page and its tables, or the page's name; null: the run's folder
     device: str
     tracking: str  # auto, local, off, or the URI of an MLflow server or database
     parallel: Parallel
+    usual: dict[str, float | None]  # what an experiment's clearance and effort are unless they are set
     robot: Robot = _group("robot")
     scale: dict[str, Any] = _group("scale")  # sizes of the experiment that other groups refer to
     workspace: Workspace = _group("workspace")
@@ -275,6 +275,12 @@ class Config:
         if self.has("identification") and self.identification.rate <= 2 * highest:
             rate = f"identification.rate is {self.identification.rate:g} Hz"
             yield f"{rate}, expected more than twice the highest frequency, {highest:g} Hz"
+
+
+def offer() -> None:
+    """Offer the defaults of all groups to Hydra, before it composes."""
+    groups = {name: kind for name, kind in get_type_hints(Config).items() if is_dataclass(kind)}
+    offer_defaults(groups | DEFAULTS)
 
 
 def validate(cfg: DictConfig) -> Config:

@@ -7,8 +7,9 @@ from typing import Any, Literal
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.conf import chosen
 from sidegan.base.storage import file_digest
-from sidegan.base.typed import Count, Positive, Seconds, Share, Size
+from sidegan.base.typed import Count, Positive, Seconds, Share, Size, build, changed
 from sidegan.errors import ConfigError
 from sidegan.seeding.methods import Gradient, Paper
 from sidegan.seeding.optimise import Optimiser
@@ -17,7 +18,6 @@ from sidegan.seeding.published import REPOSITORY, PublishedSeeds
 # Settings that only some methods require, and those that they accept.
 _NEEDED = {"gradient": {"reserve"}, "paper": {"ants", "evaluations", "box"}, "published": set[str]()}
 _ALLOWED = {"gradient": set[str](), "paper": {"strongest", "shipped"}, "published": {"box"}}
-_RESERVE = 0.2  # of the gradient method
 _ROUNDING = 1e-6  # of coefficients in single precision
 
 
@@ -25,13 +25,13 @@ _ROUNDING = 1e-6  # of coefficients in single precision
 class Seeds:
     """The conventional optimiser that makes the seed set, or the folder of a published one."""
 
-    method: Literal["gradient", "paper", "published"] = "gradient"  # the optimiser
-    count: Count = 400  # number of seeds
+    method: Literal["gradient", "paper", "published"]  # the optimiser
+    count: Count  # number of seeds
+    steps: Count  # evaluations; paper: generations of the colony
     samples: Size = 60  # time points per period
     batch: Size = 50  # trajectories per task
-    steps: Count = 60  # evaluations; paper: generations of the colony
     attempts: Count = 5  # starts per seed before giving up
-    reserve: Share | None = None  # gradient only: share of each limit that seeds keep free; null: 0.2
+    reserve: Share | None = None  # gradient only: share of each limit that seeds keep free
     ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
     # Largest absolute coefficient [rad/s], of seeds and of generators trained on them. Not with gradient;
@@ -44,8 +44,6 @@ class Seeds:
     def __post_init__(self) -> None:
         if self.method not in list(_NEEDED):
             raise ConfigError(f"method is {self.method!r}, expected one of {', '.join(_NEEDED)}")
-        if self.method == "gradient" and self.reserve is None:
-            object.__setattr__(self, "reserve", _RESERVE)
         needed, allowed = _NEEDED[self.method], _ALLOWED[self.method]
         others = set.union(*_NEEDED.values(), *_ALLOWED.values()) - needed - allowed
         missing = [name for name in sorted(needed) if getattr(self, name) is None]
@@ -80,20 +78,13 @@ class Seeds:
         return Gradient(self.steps, self.attempts, self.reserve or 0.0)
 
 
-# The methods with the same values as in ``conf/seeds``, at scale quick.
-METHODS = {
-    "gradient": Seeds(),
-    "paper": Seeds(
-        method="paper",
-        batch=10,
-        steps=5,
-        attempts=20,
-        ants=100,
-        evaluations=20_000,
-        box=0.2,
-        strongest=35,  # as many base parameters as the authors' library finds
-    ),
-}
+def recipe(method: str = "gradient", **changes: Any) -> Seeds:
+    """The optimiser that ``seeds=method`` composes, at scale quick, with changed settings.
+
+    Raises:
+        ConfigError: when there is no such method, or a setting is unknown or out of range; names it.
+    """
+    return changed(build(Seeds, chosen("seeds", method, {"seeds": Seeds}) | {"shipped": None}), changes)
 
 
 def refuse_beyond(c: Array, box: float | None) -> None:
@@ -109,8 +100,9 @@ def refuse_beyond(c: Array, box: float | None) -> None:
 class Long:
     """The long trajectory with which short ones are compared, by the gradient method."""
 
-    period: Seconds = 560.0
-    harmonics: list[Size] = field(default_factory=lambda: [6, 210])  # a trajectory for each
+    period: Seconds
+    steps: Count  # evaluations of each start
+    starts: Count  # of which the best is kept: they differ by a factor of two
+    # one with as many parameters as a short trajectory, one with the bandwidth of the short ones
+    harmonics: list[Size] = field(default_factory=lambda: [6, 210])
     samples: Size = 2800
-    steps: Count = 200  # evaluations of each start
-    starts: Count = 2  # of which the best is kept

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from numbers import Real
 from pathlib import Path
@@ -21,10 +21,10 @@ from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.progress import bar
 from sidegan.base.random import number, seed_of
 from sidegan.base.storage import file_digest, path_of, read_json, write_json, writing
-from sidegan.base.typed import build, changed, settings_of
+from sidegan.base.typed import changed, settings_of
 from sidegan.cell import Cell, coefficients_of, require_cell
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, ShapeError
-from sidegan.gan.settings import RECIPES, SurrogateSettings, Variant
+from sidegan.gan.settings import SurrogateSettings, Variant, recipe, surrogates_recipe
 from sidegan.seeding import refuse_beyond
 from sidegan.steps.trajectories import TrajectorySet
 from sidegan.validity import summarise_faults
@@ -108,8 +108,9 @@ def train(
     should draw from torch's global random numbers, as making and loading networks does.
 
     Args:
-        variant: ``"vanilla"``, ``"eigen"``, ``"diagonal"``, ``"prediction"`` or ``"exact"``; or the fields of
-            a ``Variant``, such as ``{"variant": "Vanilla", "weights": {"adversarial": 1}}``.
+        variant: what a command chooses by ``gan=``: ``"vanilla"``, ``"eigen"``, ``"diagonal"``,
+            ``"prediction"`` or ``"exact"``; or the fields of a ``Variant``, such as
+            ``{"_target_": "sidegan.gan.variants.Vanilla", "weights": {"adversarial": 1}}``.
         cell: the arm in its cell.
         seeds: training data, a set or coefficients (N, J, H, 2) [rad/s], all valid in the cell; ``"exact"``
             needs none.
@@ -153,7 +154,7 @@ def train(
     networks = [] if source is None else [file_digest(file) for file in sorted(source.glob("*.pt"))]
     learnt, bound = None if c is None else c.tolist(), None if box is None else float(box)
     # all that the result follows from: other calls have other folders beside this one
-    stamp = stamp_of(cell.identity(), name, asdict(settings), learnt, run.seed, bound, networks)
+    stamp = stamp_of(cell.identity(), name, settings.stamped(), learnt, run.seed, bound, networks)
     with TemporaryDirectory() as temporary, alone():
         work = path_of(temporary if folder is None else folder, "folder") / stamp
         with writing(work):
@@ -161,7 +162,7 @@ def train(
         if settings.features and source is None and c is not None:
             source = work / "surrogates"
             if not (source / _CELL).exists():  # which is written last
-                _from_vanilla(cell, c, source, SurrogateSettings(), seed, box, workers, work / "negatives")
+                _from_vanilla(cell, c, source, surrogates_recipe(), seed, box, workers, work / "negatives")
         run = replace(run, work=work / name)
         made = _followed(cell, settings, c, run, source, box if settings.generator.boxed else None)
     return Generator(made.generator, pd.DataFrame(made.history))
@@ -191,11 +192,13 @@ def _require_box(box: float | None) -> None:
 
 def _settings(variant: str | Variant | Mapping[str, Any], changes: dict[str, Any]) -> tuple[str, Variant]:
     """Name and settings of a variant with changes; a ConfigError if there is none."""
-    if isinstance(variant, str) and variant not in RECIPES:
-        raise ConfigError(f"there is no variant {variant!r}, expected one of {', '.join(RECIPES)}")
-    recipe = RECIPES[variant] if isinstance(variant, str) else settings_of(Variant, variant)
-    name = variant if isinstance(variant, str) else recipe.variant.lower()
-    return name, changed(recipe, changes)
+    if isinstance(variant, str):
+        return variant, changed(recipe(variant), changes)
+    if isinstance(variant, Mapping):  # trained for as long as the others, unless it says otherwise
+        usual = recipe("vanilla")
+        variant = {"epochs": usual.epochs, "steps": usual.steps, **variant}
+    own = settings_of(Variant, variant)
+    return own.name.lower(), changed(own, changes)
 
 
 def surrogates(
@@ -232,7 +235,7 @@ def surrogates(
     require_cell(cell)
     _require_box(box)
     into = path_of(folder, "folder")
-    settings = build(SurrogateSettings, changes)
+    settings = surrogates_recipe(**changes)
     c = _examples(seeds, cell, box)
     with TemporaryDirectory() as work, alone():
         return _from_vanilla(cell, c, into, settings, seed, box, workers, Path(work))

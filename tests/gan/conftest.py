@@ -1,6 +1,7 @@
 """Builders of the room: the planar arm's seeds, small surrogates and small variants."""
 
 from dataclasses import replace
+from pkgutil import resolve_name
 
 import numpy as np
 import pytest
@@ -16,7 +17,6 @@ from sidegan.gan.settings import Refresh, Weights
 from sidegan.gan.side_gan import Data
 from sidegan.gan.tensors import tensor
 from sidegan.gan.training import Run, random_trajectories, train
-from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 from tests.tiny import tiny
@@ -149,6 +149,6 @@ def made(taught, seeds):
 
     def make(variant):
         torch.manual_seed(0)
-        return VARIANTS[variant.variant](variant, replace(taught, seeds=seeds), "small")
+        return resolve_name(variant._target_)(variant, replace(taught, seeds=seeds), "small")
 
     return make

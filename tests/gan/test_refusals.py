@@ -1,6 +1,5 @@
 """Refusals of the room by their words."""
 
-import re
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -12,54 +11,59 @@ from sidegan.gan.settings import GeneratorSettings, Variant
 from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.validity import Constraints, Plane
 from tests.gan.conftest import NONE, REFRESH
+from tests.refusals import refused
 
 PHYSICS, REWARD = {"samples": 9, "reserve": 0}, {"proportional": 1, "constant": 0}
 FIT = asdict(replace(NONE, fitness=1))
 FAST = {"generator": GeneratorSettings(learning_rate=1e38, warm_up=0, corrections=0)}
 RANK = replace(NONE, rank=1.0)
-EXACT = {"variant": "Exact", "exact": PHYSICS, "reward": REWARD, "weights": asdict(NONE)}
+EXACT = {
+    "_target_": "sidegan.gan.variants.Exact",
+    "exact": PHYSICS,
+    "reward": REWARD,
+    "weights": asdict(NONE),
+}
+
+
+def named(name: str) -> dict[str, str]:
+    return {"_target_": f"sidegan.gan.variants.{name}"}
 
 
 @pytest.mark.parametrize(
-    ("settings", "words"),
+    ("settings", "names"),
     [
-        ({"variant": "Colour"}, "variant is 'Colour', expected one of Vanilla, Eigen, Diagonal, Predicting"),
-        ({"variant": "no.such.Colour"}, "variant is 'no.such.Colour', which is no class: No module"),
-        ({"variant": "os.path.join"}, "variant is 'os.path.join', which is no class: "),
-        ({"variant": "pathlib.Path"}, "variant is 'pathlib.Path', expected a subclass of one of Vanilla"),
-        ({"weights": FIT}, "Vanilla has no such loss: weights.fitness must be 0"),
-        ({"generator": {"betas": [0.5, 1]}}, "generator.betas[1] is 1, expected a number < 1"),
-        ({"generator": {"batch": 1}}, "generator.batch is 1, expected a whole number ≥ 2"),
-        ({"variant": "Eigen", "weights": FIT, "fitness_start": 9, "epochs": 9}, "after the last of 9 ep"),
-        ({**EXACT, "reward": None}, "Exact needs settings reward"),
-        ({**EXACT, "reward": {**REWARD, "proportional": 0}}, "are 0, expected one of them above it"),
-        ({"reward": REWARD}, "Vanilla has no settings reward"),
-        ({"variant": "Predicting"}, "Predicting needs settings reward"),
-        ({**EXACT, "exact": None}, "Exact needs settings exact"),
-        ({"exact": PHYSICS}, "Vanilla has no settings exact"),
-        ({"published": {"fitness": "ratio"}}, "Vanilla has no settings published"),
-        ({"refresh": asdict(REFRESH)}, "Vanilla has no surrogates to refresh"),
-        ({"variant": "PublishedEigen"}, "PublishedEigen needs settings published"),
-        ({"weights": asdict(NONE)}, "no loss has a weight in the first epoch"),
-        ({"variant": "Eigen", "weights": FIT, "fitness_start": 1}, "no loss has a weight in the first epoch"),
+        (named("Colour"), ["_target_", "Colour", "Vanilla"]),
+        ({"_target_": "no.such.Colour"}, ["_target_", "no.such.Colour", "No module"]),
+        ({"_target_": "os.path.join"}, ["_target_", "os.path.join"]),
+        ({"_target_": "pathlib.Path"}, ["_target_", "pathlib.Path", "Vanilla"]),
+        ({"weights": FIT}, ["Vanilla", "weights.fitness"]),
+        ({"generator": {"betas": [0.5, 1]}}, ["generator.betas[1]"]),
+        ({"generator": {"batch": 1}}, ["generator.batch", "≥ 2"]),
+        (
+            {**named("Eigen"), "weights": FIT, "fitness_start": 9, "epochs": 9},
+            ["fitness_start 9", "9 epochs"],
+        ),
+        ({**EXACT, "reward": None}, ["Exact", "reward"]),
+        ({**EXACT, "reward": {**REWARD, "proportional": 0}}, ["reward.proportional", "reward.constant"]),
+        ({"reward": REWARD}, ["Vanilla", "reward"]),
+        (named("Predicting"), ["Predicting", "reward"]),
+        ({**EXACT, "exact": None}, ["Exact", "settings exact"]),
+        ({"exact": PHYSICS}, ["Vanilla", "exact"]),
+        ({"published": {"fitness": "ratio"}}, ["Vanilla", "published"]),
+        ({"refresh": asdict(REFRESH)}, ["Vanilla", "refresh"]),
+        (named("PublishedEigen"), ["PublishedEigen", "settings published"]),
+        ({"weights": asdict(NONE)}, ["weights"]),
+        ({**named("Eigen"), "weights": FIT, "fitness_start": 1}, ["weights", "first epoch"]),
     ],
 )
-def test_impossible_variants_are_refused(vanilla, settings, words):
-    with pytest.raises(ConfigError) as error:
+def test_impossible_variants_are_refused(vanilla, settings, names):
+    with refused(ConfigError, *names):
         build(Variant, {**asdict(vanilla), **settings})
-    assert words in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({"variant": "Colour"}, "variant is 'Colour', expected one of Vanilla, "),
-        ({"weights": {"rank": 1}}, "weights are {'rank': 1}, expected Weights"),
-        ({"weights": NONE}, "no loss has a weight"),
-    ],
-)
-def test_a_variant_made_in_python_is_refused_alike(vanilla, settings, words):
-    with pytest.raises(ConfigError, match=re.escape(words)):
+@pytest.mark.parametrize("settings", [named("Colour"), {"weights": {"rank": 1}}, {"weights": NONE}])
+def test_a_variant_made_in_python_is_refused_alike(vanilla, settings):
+    with refused(ConfigError, *settings):
         replace(vanilla, **settings)
 
 
@@ -72,7 +76,7 @@ def test_a_variant_made_in_python_is_refused_alike(vanilla, settings, words):
         (ConfigError, "all 64 seeds are the same", {}, lambda seeds: seeds[:1].repeat(64, 0)),
         (SideganError, "small diverged in epoch 0: .*smaller", FAST, lambda seeds: seeds),
         (SideganError, "its trajectories are not finite", {**FAST, "weights": RANK}, lambda seeds: seeds),
-        (ConfigError, "small needs a success predictor", {"variant": "Eigen"}, lambda seeds: seeds),
+        (ConfigError, "small needs a success predictor", named("Eigen"), lambda seeds: seeds),
     ],
 )
 def test_impossible_trainings_are_refused(vanilla, data, error, words, change, spoil, tmp_path):

@@ -8,9 +8,9 @@ from string import Template
 import pytest
 import yaml
 
+from sidegan.base.conf import VERSIONS
 from sidegan.pipeline.artifact import Artifact, stage_of, versions
 from sidegan.pipeline.context import RunContext
-from sidegan.pipeline.places import VERSIONS
 from sidegan.pipeline.settings import validate
 from sidegan.pipeline.stages import stage as stage_named
 from sidegan.pipeline.store import Store

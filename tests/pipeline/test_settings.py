@@ -10,13 +10,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
+from sidegan.base.conf import CONF
 from sidegan.errors import ConfigError
-from sidegan.gan.settings import RECIPES
+from sidegan.gan.settings import recipe as variant_recipe
 from sidegan.pipeline.artifact import flatten
-from sidegan.pipeline.places import CONF
 from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, changes, setting
-from sidegan.seeding import METHODS
+from sidegan.seeding import recipe as seeds_recipe
 from tests import tiny
 
 
@@ -65,33 +65,12 @@ def test_every_scale_is_valid_and_has_what_the_experiments_take_from_one(scale):
     assert config.scale["name"] == scale and config.scale.keys() == configured().scale.keys()
 
 
-DEFAULTS = [
-    ("excite", "parallel workspace trajectory controllers plant goal search model"),
-    ("identify", "recording identify model"),
-    ("gains", "load"),
-    ("exp2", "replication"),
-    (
-        "reproduction condition=gradient",
-        "trajectory seeds surrogates library selection long identification plants discussion",
-    ),
-]
-
-
-@pytest.mark.parametrize(("words", "groups"), DEFAULTS)
-def test_conf_and_the_classes_have_the_same_defaults(words, groups):
-    experiment, *overrides = words.split()
-    config = configured(*overrides, experiment=experiment)
-    for chosen in (getattr(config, group) for group in groups.split()):
-        assert chosen == type(chosen)()
-
-
-def test_conf_and_the_package_have_the_same_variants():
-    assert configured("condition=gradient", "gan=all").gan == RECIPES
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_conf_and_the_package_have_the_same_optimisers_of_seeds(method):
-    assert replace(configured(f"seeds={method}").seeds, shipped=None) == METHODS[method]
+def test_the_package_has_the_variants_and_optimisers_of_conf():
+    variants = configured("condition=gradient", "gan=all", "scale=quick").gan
+    assert {name: variant_recipe(name) for name in variants} == variants
+    for method in ("gradient", "paper"):
+        seeds = configured(f"seeds={method}", "scale=quick").seeds
+        assert replace(seeds, shipped=None) == seeds_recipe(method)
 
 
 def test_a_command_composes_only_the_groups_it_uses():

@@ -170,13 +170,13 @@ def test_a_variant_of_ones_own_trains_in_an_experiment_and_in_python(made, tmp_p
     """A class in a package beside, and its file in a folder of settings: nothing is edited here."""
     (tmp_path / "mylab.py").write_text(OWN)
     (tmp_path / "lab" / "gan").mkdir(parents=True)
-    own = "defaults: [_base@mine, _self_]\n\nmine:\n  variant: mylab.Slow\n  weights: {adversarial: 1}\n"
+    own = "defaults: [_base@mine, _self_]\n\nmine:\n  _target_: mylab.Slow\n  weights: {adversarial: 1}\n"
     (tmp_path / "lab" / "gan" / "mine.yaml").write_text(own)
     words = ["--config-dir", "lab", "+experiment=exp1", *TINY, "gan=mine", "stages=[seeds,gan]"]
     ran = subprocess.run([sys.executable, "-m", "sidegan.run", *words], cwd=tmp_path, capture_output=True)
     assert ran.returncode == 0, ran.stderr
     assert [*tmp_path.glob("outputs/gan/planar2-mine-*/generator.pt")]
     monkeypatch.syspath_prepend(tmp_path)
-    mine = {"variant": "mylab.Slow", "weights": {"adversarial": 1}, "epochs": 1, "steps": 1}
+    mine = {"_target_": "mylab.Slow", "weights": {"adversarial": 1}, "epochs": 1, "steps": 1}
     generator = sidegan.train(mine, made.cell, made.load(seed_set(made)).coefficients)
     assert generator.sample(3).shape == (3, *made.cell.trajectory.shape)

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 import yaml
 
+from sidegan.base.conf import CONF
 from sidegan.errors import RecordingError
-from sidegan.pipeline.places import CONF
 from sidegan.recording.load import files_of, load_recording
 from tests.recording.conftest import of_file, recorded
 

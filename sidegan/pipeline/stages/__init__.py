@@ -1,4 +1,4 @@
-"""The stages by name, with a line of help each; a stage's module is imported when it runs."""
+"""The stages by name; a stage's module is imported when it runs."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -24,49 +24,24 @@ class Stage:
     check: "Callable[[RunContext], object]" = lambda run: None  # may refuse a run before its first stage
 
 
-STAGES = {
-    "seeds": "the seed set: optimised trajectories",
-    "surrogates": "success predictor and converters, from exactly labelled samples",
-    "gan": "a generator of each variant, trained",
-    "library": "valid trajectories of each generator",
-    "random": "baselines: random valid trajectories, and trajectories of a short search",
-    "measures": "how well each set identifies the arm, and how similar it is to the seeds",
-    "variations": "seeds, generators and their measures, for several arms or with other settings",
-    "long": "the single long trajectory, with few and with many harmonics",
-    "selection": "the excitation sets, picked from every pool",
-    "identification": "Table I: identification from each set",
-    "plant": "the same sets executed by randomised plants in MuJoCo",
-    "replication": "Tables II and III: identification from whole sets",
-    "subsets": "surrogates and variants on fewer seeds",
-    "density": "a kernel density estimate instead of the GAN",
-    "timing": "speed of the generators",
-    "excite": "trajectories to execute, as files",
-    "check": "plausibility of recordings",
-    "identify": "a model of a real arm from recordings",
-    "payload": "mass, centre of mass and inertia of a load",
-    "gains": "drive gains: torque per motor current",
-    "table": "the experiment's tables, figures and pages",
+_MODULES = {  # the stages in each file of this folder
+    "seeds": ["seeds"],
+    "training": ["surrogates", "gan", "subsets"],
+    "selection": ["library", "selection"],
+    "baselines": ["random", "long"],
+    "measures": ["measures", "variations"],
+    "identification": ["identification", "plant"],
+    "replication": ["replication"],
+    "discussion": ["density", "timing"],
+    "excite": ["excite"],
+    "identify": ["check", "identify", "payload", "gains"],
+    "table": ["table"],
 }
-
-_MODULES = {  # of stages that are not in a file of their own name
-    "surrogates": "training",
-    "gan": "training",
-    "subsets": "training",
-    "library": "selection",
-    "random": "baselines",
-    "long": "baselines",
-    "variations": "measures",
-    "plant": "identification",
-    "density": "discussion",
-    "timing": "discussion",
-    "check": "identify",
-    "payload": "identify",
-    "gains": "identify",
-}
+STAGES = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def stage(name: str) -> Stage:
     """The stage with this name; a ConfigError if there is none."""
     if name not in STAGES:
         raise ConfigError(f"stages: there is no stage {name!r}, expected some of {', '.join(STAGES)}")
-    return import_module(f"sidegan.pipeline.stages.{_MODULES.get(name, name)}").STAGES[name]
+    return import_module(f"sidegan.pipeline.stages.{STAGES[name]}").STAGES[name]

@@ -3,7 +3,7 @@
 Short trajectories by the long one's optimiser come with it.
 """
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 
 import numpy as np
@@ -24,7 +24,7 @@ from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.seeds import make
-from sidegan.seeding import METHODS, Gradient, make_long
+from sidegan.seeding import Gradient, make_long, recipe
 
 REACH = 0.8  # share of its tightest joint limit that a random trajectory uses
 _TRIES = 1000  # most draws per random trajectory
@@ -153,7 +153,7 @@ def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
 
 def gradient_set(run: RunContext) -> Artifact:
     """Short trajectories by the optimiser of the single long one, to pick a set from."""
-    method = replace(METHODS[GRADIENT], count=_CHOICE * run.cfg.selection.count)
+    method = recipe(GRADIENT, count=_CHOICE * run.cfg.selection.count)
     other = run.with_settings(seeds=method)
     return other.artifact("short", GRADIENT, make, method.stamped(), title="short", alone=True)
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sidegan.base.conf import CONF
 from sidegan.base.extras import require
 from sidegan.base.storage import write_arrays, write_json
 from sidegan.errors import InfeasibleError
@@ -13,7 +14,6 @@ from sidegan.library import LIBRARY
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import REPORT, RunContext, report_and_history
-from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stages import Stage
 from sidegan.seeding.optimise import SeedBatch, shipped
 from sidegan.steps.seeds import optimised

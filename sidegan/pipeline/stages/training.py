@@ -50,7 +50,7 @@ def generator(run: RunContext, name: str, training: int, variant: Variant | None
         settings |= taught(run)
     if variant.features:
         inputs["surrogates"] = surrogates(run)
-    settings |= asdict(variant) | {"evaluation": run.cfg.evaluation, "box": box}
+    settings |= variant.stamped() | {"evaluation": run.cfg.evaluation, "box": box}
     samples = 0  # to keep of each epoch: published surrogates learn from a vanilla GAN's samples
     if variant.generator.network == "convolutional" and not variant.features:
         settings["samples"] = samples = -(-run.cfg.surrogates.samples // variant.epochs)
