@@ -3,7 +3,8 @@
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 _LONGEST = 100  # bytes; file systems take 255
 _DIGEST = 8  # characters of the digest that replaces the rest
@@ -44,3 +45,13 @@ def plain(value: float, form: str = ".3g") -> str:
     if "e+" in text and abs(float(text)) < _LARGE:
         return f"{float(text):.0f}"
     return re.sub(r"e\+?(-?)0*", r"e\1", text)
+
+
+def dotted(value: Any, path: str = "") -> dict[str, Any]:
+    """Nested mappings as a flat one with dotted keys."""
+    if not isinstance(value, Mapping) or not value:
+        return {path: value}
+    flat: dict[str, Any] = {}
+    for key, x in value.items():
+        flat |= dotted(x, f"{path}.{key}" if path else key)
+    return flat

@@ -46,6 +46,7 @@ class Loss(NamedTuple):
 
     weight: float
     value: Value
+    name: str = "other"  # of its curve
 
 
 class Adversary(nn.Module):

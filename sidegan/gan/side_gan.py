@@ -4,7 +4,6 @@ from abc import abstractmethod
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
 from typing import Any
 
 import pytorch_lightning as pl
@@ -104,9 +103,9 @@ class SideGAN(pl.LightningModule):
         """Losses of every variant, which keep a batch as diverse as the seeds."""
         settings, weights, seeds = self.settings, self.settings.weights, self.data.seeds
         return [
-            Loss(weights.distance, missing_distance(seeds)),
-            Loss(weights.rank, missing_rank(seeds, settings.generator.batch, settings.diversity)),
-            Loss(weights.offset, common_offset(seeds)),
+            Loss(weights.distance, missing_distance(seeds), "distance"),
+            Loss(weights.rank, missing_rank(seeds, settings.generator.batch, settings.diversity), "rank"),
+            Loss(weights.offset, common_offset(seeds), "offset"),
         ]
 
     @property
@@ -135,23 +134,34 @@ class SideGAN(pl.LightningModule):
         rows = batch[0]
         optimisers = self.optimizers()
         generator, *critics = optimisers if isinstance(optimisers, list) else [optimisers]
-        self.share = (self.current_epoch + index / self.steps) / self.settings.epochs
-        for group in chain.from_iterable(adam.param_groups for adam in (generator, *critics)):
-            group["lr"] = self.settings.generator.rate(self.share)
+        self.share = self.done(self.current_epoch, index)
         for optimiser in critics:
             with torch.no_grad():
                 fake = self(len(rows))
-            self._step(optimiser, torch.stack([d.own_loss(rows, fake) for d in self.adversaries]).sum())
+            losses = torch.stack([d.own_loss(rows, fake) for d in self.adversaries])
+            self._record("discriminator", losses.sum())
+            self._step(optimiser, losses.sum())
         for _ in range(self.settings.generator_steps):
             self._step(generator, self.generator_loss(len(rows)))
+        schedulers = self.lr_schedulers()
+        for scheduler in schedulers if isinstance(schedulers, list) else [schedulers]:
+            scheduler.step()
 
     def generator_loss(self, count: int) -> Tensor:
         """Weighted sum of the losses on a new batch, 0-dimensional."""
         batch = self(count)
         if not torch.isfinite(batch.coefficients).all():
             self.stop(f"its trajectories are not finite{_REMEDY}")
-        losses = [*self.losses(), *self.floors]
-        return torch.stack([weight * value(batch) for weight, value in losses if weight]).sum()
+        losses = [loss for loss in (*self.losses(), *self.floors) if loss.weight]
+        values = torch.stack([loss.weight * loss.value(batch) for loss in losses])
+        for loss, value in zip(losses, values):
+            self._record(loss.name, value)
+        return values.sum()
+
+    def _record(self, name: str, value: Tensor) -> None:
+        """Log a weighted loss, its mean over an epoch, if the training has a logger."""
+        if self.logger is not None:
+            self.log(f"loss/{name}", value.detach(), on_step=False, on_epoch=True, batch_size=1)
 
     def _step(self, adam: Any, loss: Tensor) -> None:
         """A step of an optimiser; a loss that is not finite ends the training before the step."""
@@ -169,13 +179,22 @@ class SideGAN(pl.LightningModule):
         """
         raise SideganError(f"{self.name} diverged in epoch {self.current_epoch}: {reason}")
 
-    def configure_optimizers(self) -> list[torch.optim.Optimizer]:
-        """Adam for the generator, and for the discriminators if there are any."""
+    def configure_optimizers(self) -> Any:
+        """Adam for the generator, and for the discriminators if there are any, with their schedules."""
         critics = [parameter for adversary in self.adversaries for parameter in adversary.parameters()]
         groups = [list(self.generator.parameters()), critics]
-        rate, betas = self.settings.generator.learning_rate, self.settings.generator.betas
+        betas = self.settings.generator.betas
         fused = self.device.type != "mps"  # five times as fast where it is available
-        return [torch.optim.Adam(weights, rate, betas, fused=fused) for weights in groups if weights]
+        adams = [torch.optim.Adam(weights, 1.0, betas, fused=fused) for weights in groups if weights]
+        return adams, [torch.optim.lr_scheduler.LambdaLR(adam, self.rate) for adam in adams]
+
+    def rate(self, step: int) -> float:
+        """Learning rate of a step of the training."""
+        return self.settings.generator.rate(self.done(*divmod(step, self.steps)))
+
+    def done(self, epoch: int, index: int) -> float:
+        """Completed share of the training before a step of an epoch."""
+        return (epoch + index / self.steps) / self.settings.epochs
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Save the random state with the weights."""

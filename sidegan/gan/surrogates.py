@@ -144,7 +144,10 @@ def scores(accepts: Callable[[Tensor], Tensor], seeds: Array, faulty: Array) -> 
 def learn(
     losses: Iterable[Tensor], total: int, adam: torch.optim.Optimizer, progress: Report, rates: Any = None
 ) -> None:
-    """A step of an optimiser on each of ``total`` losses, made in turn; ``rates`` schedules its rates."""
+    """A step of an optimiser on each of ``total`` losses, made in turn; ``rates`` schedules its rates.
+
+    A loop of its own, since ``training.Refreshed`` runs it within a training by Lightning.
+    """
     for done, loss in enumerate(losses, 1):
         adam.zero_grad()
         loss.backward()

@@ -1,6 +1,7 @@
 """Train a variant by Lightning, and measure its samples with exact physics after every epoch."""
 
 import logging
+import math
 import signal
 import warnings
 from collections.abc import Iterable, Sequence
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytorch_lightning as pl
 import torch
+from pytorch_lightning.loggers import Logger
 from torch import nn
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
@@ -28,7 +30,7 @@ from sidegan.gan.scaling import Box
 from sidegan.gan.settings import Refresh, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.surrogates import learn
-from sidegan.gan.tensors import array, read_tensors, tensor, write_tensors
+from sidegan.gan.tensors import array, read_tensors, tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
 
@@ -64,6 +66,7 @@ class Run:
     samples: int = 0  # trajectories to keep of every epoch, for surrogates to learn from
     device: str = "cpu"  # of the networks
     progress: Report = lambda done, total: None  # in epochs
+    logger: Logger | None = None  # of losses and metrics, while it runs
 
 
 def train(settings: Variant, data: Data, run: Run) -> Trained:
@@ -84,10 +87,9 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     order = RandomSampler(rows, num_samples=model.steps * batch)  # without replacement in each pass
     batches = DataLoader(rows, batch, sampler=order)
     refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
-    fit(model, batches, settings.epochs, [*refresh, EpochMetrics(run)], run.work, run.device)
-    files = [_epoch_file(run, epoch) for epoch in range(settings.epochs)]
-    history, samples = zip(*((epoch["metrics"], epoch["samples"]) for epoch in map(read_tensors, files)))
-    return Trained(model.generator.eval(), list(history), torch.cat(samples).numpy())
+    metrics = EpochMetrics(run)
+    fit(model, batches, settings.epochs, [*refresh, metrics], run.work, run.device, run.logger)
+    return Trained(model.generator.eval(), metrics.history, torch.cat(metrics.samples).numpy())
 
 
 def fit(
@@ -97,6 +99,7 @@ def fit(
     callbacks: Sequence[pl.Callback] = (),
     work: Path | None = None,
     device: str = "cpu",
+    logger: Logger | None = None,
 ) -> None:
     """Train a module, and move it to the CPU.
 
@@ -127,7 +130,8 @@ def fit(
             devices=[int(index)] if index else 1,
             callbacks=callbacks,
             enable_checkpointing=work is not None,
-            logger=False,
+            logger=logger or False,
+            log_every_n_steps=1,
             enable_progress_bar=False,
             enable_model_summary=False,
             default_root_dir=work,
@@ -138,11 +142,6 @@ def fit(
             signal.signal(signal.SIGINT, handler)
             raise KeyboardInterrupt from error
     module.cpu()
-
-
-def _epoch_file(run: Run, epoch: int) -> Path:
-    """File of a generator's metrics and samples after an epoch."""
-    return run.work / f"epoch-{epoch}.pt"
 
 
 class Refreshed(pl.Callback):
@@ -200,10 +199,15 @@ class Refreshed(pl.Callback):
 
 
 class EpochMetrics(pl.Callback):
-    """Measure a generator's samples with exact physics after every epoch, and save the metrics."""
+    """Measure a generator's samples with exact physics after every epoch.
+
+    The metrics so far are part of checkpoints.
+    """
 
     def __init__(self, run: Run) -> None:
         self.run = run
+        self.history: list[dict[str, float]] = []  # a row per epoch
+        self.samples: list[torch.Tensor] = []  # images of each epoch, (n, 2, …)
 
     @torch.no_grad()
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
@@ -216,9 +220,20 @@ class EpochMetrics(pl.Callback):
         data = pl_module.data
         seeds = data.seeds if pl_module.settings.seeded else None
         metrics = measure(data.constraints, data.trajectory, c, seeds)
-        samples = generator.images(run.samples, noise).cpu() if run.samples else torch.empty(0)
-        write_tensors(_epoch_file(run, epoch), {"metrics": metrics, "samples": samples})
+        self.history.append(metrics)
+        self.samples.append(generator.images(run.samples, noise).cpu() if run.samples else torch.empty(0))
+        if run.logger is not None:
+            known = {name: x for name, x in metrics.items() if math.isfinite(x)}
+            pl_module.log_dict({**known, "step": float(epoch)})  # Lightning's name of the axis
         run.progress(epoch + 1, trainer.max_epochs or 0)
+
+    def state_dict(self) -> dict[str, Any]:
+        """State for a checkpoint."""
+        return {"history": self.history, "samples": self.samples}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Restore the state of a checkpoint."""
+        self.history, self.samples = state_dict["history"], state_dict["samples"]
 
 
 def random_trajectories(

@@ -46,7 +46,7 @@ class Vanilla(SideGAN):
 
     def losses(self) -> list[Loss]:
         """The adversarial loss."""
-        return [Loss(self.settings.weights.adversarial, self.discriminator)]
+        return [Loss(self.settings.weights.adversarial, self.discriminator, "adversarial")]
 
 
 class Eigen(Vanilla):
@@ -70,9 +70,9 @@ class Eigen(Vanilla):
         fit = self.current_epoch >= self.settings.fitness_start
         return [
             *super().losses(),
-            Loss(weights.success, self.failure),
-            Loss(weights.features, self.second_discriminator),
-            Loss(weights.fitness * fit, self.fitness),
+            Loss(weights.success, self.failure, "success"),
+            Loss(weights.features, self.second_discriminator, "features"),
+            Loss(weights.fitness * fit, self.fitness, "fitness"),
         ]
 
     def failure(self, batch: Batch) -> Tensor:
@@ -126,7 +126,10 @@ class Exact(SideGAN):
         """Violation of the constraints, with a weight that grows geometrically, and worth for prediction."""
         weights = self.settings.weights
         ease = _EASE ** (1 - min(1.0, self.share / _EASED))
-        return [Loss(weights.success * ease, self.violation), Loss(weights.fitness, self.fitness)]
+        return [
+            Loss(weights.success * ease, self.violation, "success"),
+            Loss(weights.fitness, self.fitness, "fitness"),
+        ]
 
     def violation(self, batch: Batch) -> Tensor:
         """Mean squared relative violation of the constraints, with a reserve."""
@@ -163,7 +166,7 @@ class PublishedEigen(Eigen):
         """Losses of ``Eigen``; the weight of success grows from the first epoch with fitness."""
         adversarial, success, *others = super().losses()
         growth = 1 + _GROWTH * max(0, self.current_epoch - self.settings.fitness_start)
-        return [adversarial, Loss(success.weight * growth, self.failure), *others]
+        return [adversarial, Loss(success.weight * growth, self.failure, "success"), *others]
 
     def failure(self, batch: Batch) -> Tensor:
         """One minus the mean probability of being valid."""

@@ -14,9 +14,10 @@ from typing import Any
 import yaml
 
 from sidegan.base.conf import VERSIONS
-from sidegan.base.names import folder_name
+from sidegan.base.names import dotted, folder_name
 from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
+from sidegan.pipeline.tracking import Curves
 
 # stages of makers that do not have their name
 _STAGES = {"baseline": "random", "short": "long", "sums": "replication"}
@@ -30,6 +31,7 @@ class Build:
     folder: Path  # for its files; renamed into place when complete
     work: Path  # for files of unfinished tasks (written without making it); survives a kill
     report: Report  # shows progress
+    curves: Curves | None = None  # where a training logs while it runs
     costs: dict[str, Any] = field(default_factory=dict)  # seconds and the like; stored outside the artifact
 
 
@@ -76,7 +78,7 @@ class Artifact:
 
 def difference(params: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     """Text for each dotted key in which parameters differ, with both values."""
-    a, b = flatten(params), flatten(other)
+    a, b = dotted(params), dotted(other)
     keys = [key for key in {**a, **b} if a.get(key) != b.get(key)]
     return [f"{key} is {_brief(b.get(key))}, not {_brief(a.get(key))}" for key in keys]
 
@@ -90,16 +92,6 @@ def versions() -> dict[str, int]:
 def stage_of(maker: str) -> str:
     """Name of the stage that a maker belongs to."""
     return _STAGES.get(maker, maker.rpartition("_")[2])  # paper_seeds belongs to seeds
-
-
-def flatten(value: Any, path: str = "") -> dict[str, Any]:
-    """Nested mappings as a flat one with dotted keys."""
-    if not isinstance(value, Mapping) or not value:
-        return {path: value}
-    flat: dict[str, Any] = {}
-    for key, x in value.items():
-        flat |= flatten(x, f"{path}.{key}" if path else key)
-    return flat
 
 
 def _brief(value: Any) -> str:

@@ -56,8 +56,8 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
     for part in stages.values():  # all checks come before any work
         list(part.artifacts(run))
         part.check(run)
-    tags = {"mlflow.parentRunId": os.environ[PARENT]} if PARENT in os.environ else {}
-    tracker = Tracker(run.store.root, config.experiment, name, config.tracking, tags)
+    tracker = Tracker(run.store.root, config.experiment, name, config.tracking, os.environ.get(PARENT))
+    run.store.curves = tracker.curves
     with tracker, on_cluster(config.parallel.scheduler):
         tracker.log_params(config.plain())
         if config.has("robot"):

@@ -24,6 +24,7 @@ from sidegan.base.storage import file_digest, read_json, write_json, writing
 from sidegan.base.threads import one_thread
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline.artifact import Artifact, Build, difference, stage_of
+from sidegan.pipeline.tracking import Curves
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +42,7 @@ class Store:
     def __init__(self, root: Path, run_folder: Path | None = None) -> None:
         self.root = root
         self.run_folder = run_folder or root
+        self.curves: Curves | None = None  # where trainings log while they run
         self._damaged = set[Path]()  # reported, each once
         try:
             root.mkdir(parents=True, exist_ok=True)
@@ -104,7 +106,7 @@ class Store:
         work = final.with_name(f"{final.name}.work")
         with self._lock(artifact):
             if self.find(artifact) is None:
-                self._make(artifact, Build(final.with_name(f".{final.name}.tmp"), work, report))
+                self._make(artifact, Build(final.with_name(f".{final.name}.tmp"), work, report, self.curves))
             else:
                 log.info("%s: reused from %s", artifact.maker, final)
             shutil.rmtree(work, ignore_errors=True)

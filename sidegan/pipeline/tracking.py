@@ -5,6 +5,7 @@ import os
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -12,16 +13,18 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from filelock import FileLock
 
 from sidegan.base.extras import extra, installed
-from sidegan.pipeline.artifact import flatten
+from sidegan.base.names import dotted
 
 if TYPE_CHECKING:
     import pandas as pd
     from mlflow.utils.async_logging.run_operations import RunOperations
+    from pytorch_lightning.loggers import MLFlowLogger
 
 log = logging.getLogger(__name__)
 
 Status = Literal["FINISHED", "FAILED", "KILLED"]
 _NOTE, _NOTE_LENGTH = "mlflow.note.content", 8000  # the description of a run, in Markdown
+_PARENT = "mlflow.parentRunId"  # tag of a child run
 _ENVIRONMENT = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR": "false",
@@ -34,7 +37,7 @@ def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
     """Guard a method that calls MLflow: the first failure of any logs a warning and disables all."""
 
     @wraps(method)
-    def call(self: "Tracker", *args: Any, **kwargs: Any) -> Any:
+    def call(self: Any, *args: Any, **kwargs: Any) -> Any:
         if self.enabled:
             try:
                 return method(self, *args, **kwargs)
@@ -46,6 +49,27 @@ def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
+@dataclass(frozen=True)
+class Curves:
+    """Where trainings log while they run, in whichever process: child runs of an experiment's run."""
+
+    server: str  # URI
+    experiment: str
+    parent: str  # ID of the experiment's run
+
+    def logger(self, name: str) -> "MLFlowLogger":
+        """Lightning's logger of a training; the first failure of MLflow warns and ends its records."""
+        from pytorch_lightning.loggers import MLFlowLogger
+
+        class Guarded(MLFlowLogger):
+            enabled = True
+            log_metrics = _guarded(MLFlowLogger.log_metrics)
+            finalize = _guarded(MLFlowLogger.finalize)
+
+        tags = {_PARENT: self.parent}
+        return Guarded(self.experiment, run_name=name, tracking_uri=self.server, tags=tags)
+
+
 class Tracker:
     """One MLflow run of an experiment; as a context manager it sets the run's final status.
 
@@ -55,19 +79,20 @@ class Tracker:
     """
 
     def __init__(
-        self, root: Path, experiment: str, name: str, where: str = "local", tags: dict[str, str] | None = None
+        self, root: Path, experiment: str, name: str, where: str = "local", parent: str | None = None
     ) -> None:
         if where == "auto":
             where = "local" if installed("mlflow") else "off"
         self.enabled = where != "off"
         self.run_id = ""  # MLflow's; empty if nothing is recorded
+        self.curves: Curves | None = None  # for trainings; None if nothing is recorded
         self.recorded = set[str]()  # digests of recorded artifacts
         self._note = ""
         self._pending: list[RunOperations | None] = []
-        self._start(root.resolve(), experiment, name, where, tags)
+        self._start(root.resolve(), experiment, name, where, parent)
 
     @_guarded
-    def _start(self, root: Path, experiment: str, name: str, where: str, tags: Any) -> None:
+    def _start(self, root: Path, experiment: str, name: str, where: str, parent: str | None) -> None:
         for key, value in _ENVIRONMENT.items():
             os.environ.setdefault(key, value)
         root.mkdir(parents=True, exist_ok=True)
@@ -81,17 +106,20 @@ class Tracker:
         remote = where.startswith(("http", "databricks"))
         files = None if remote else (root / "mlartifacts" / experiment).as_uri()
         with FileLock(root / ".mlflow.lock"):  # parallel runs must not create database or experiment twice
-            self._client = client = MlflowClient(_database(root) if where == "local" else where)
+            server = _database(root) if where == "local" else where
+            self._client = client = MlflowClient(server)
             found = client.get_experiment_by_name(experiment)
             self._experiment = found.experiment_id if found else client.create_experiment(experiment, files)
+        tags = {} if parent is None else {_PARENT: parent}
         self.run_id = client.create_run(self._experiment, run_name=name, tags=tags).info.run_id
+        self.curves = Curves(server, experiment, self.run_id)
 
     @_guarded
     def log_params(self, values: Mapping[str, Any]) -> None:
         """Record settings; nested ones get dotted keys."""
         from mlflow.entities import Param
 
-        params = [Param(_key(key), str(x)) for key, x in flatten(values).items()]
+        params = [Param(_key(key), str(x)) for key, x in dotted(values).items()]
         self._pending.append(self._client.log_batch(self.run_id, params=params, synchronous=False))
 
     def log_metrics(self, values: Mapping[str, float], model: str | None = None) -> None:

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from sidegan.base.conf import CONF
+from sidegan.base.names import dotted
 from sidegan.errors import ConfigError
 from sidegan.gan.settings import recipe as variant_recipe
-from sidegan.pipeline.artifact import flatten
 from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, changes, setting
 from sidegan.seeding import recipe as seeds_recipe
@@ -76,7 +76,7 @@ def test_the_package_has_the_variants_and_optimisers_of_conf():
 def test_a_command_composes_only_the_groups_it_uses():
     config = configured("robot=ur10e", experiment="identify")
     assert not config.has("gan") and not config.has("seeds") and config.has("recording", "model")
-    assert len(flatten(config.plain())) <= 80
+    assert len(dotted(config.plain())) <= 80
     with pytest.raises(ConfigError, match=r"no settings seeds: choose some, seeds="):
         config.seeds.count  # noqa: B018
     assert (config.recording.cutoff, config.model.rotor_inertia) == (5, True)

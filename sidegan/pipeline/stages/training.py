@@ -119,6 +119,7 @@ def _train(
         samples=samples,
         device=run.cfg.device,
         progress=build.report,
+        logger=None if build.curves is None else build.curves.logger(f"gan/{name}-{training}"),
     )
     made = trained(run.cell, variant, seeds, how, surrogates=folder, box=box)
     made.generator.save(build.folder / GENERATOR)
