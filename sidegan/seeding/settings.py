@@ -27,9 +27,9 @@ class Seeds:
 
     method: Literal["gradient", "paper", "published"]  # the optimiser
     count: Count  # number of seeds
-    steps: Count  # evaluations; paper: generations of the colony
     samples: Size = 60  # time points per period
     batch: Size = 50  # trajectories per task
+    steps: Count  # evaluations; paper: generations of the colony
     attempts: Count = 5  # starts per seed before giving up
     reserve: Share | None = None  # gradient only: share of each limit that seeds keep free
     ants: Size | None = None  # paper only: size of the colony
@@ -101,8 +101,8 @@ class Long:
     """The long trajectory with which short ones are compared, by the gradient method."""
 
     period: Seconds
-    steps: Count  # evaluations of each start
-    starts: Count  # of which the best is kept: they differ by a factor of two
     # one with as many parameters as a short trajectory, one with the bandwidth of the short ones
     harmonics: list[Size] = field(default_factory=lambda: [6, 210])
     samples: Size = 2800
+    steps: Count  # evaluations of each start
+    starts: Count  # of which the best is kept: they differ by a factor of two

@@ -65,13 +65,14 @@ def test_every_stage_is_run_from_files_that_are_there(pipeline):
 
 
 def test_every_stage_runs_again_when_a_setting_is_edited(pipeline):
-    """Any file of conf/ may hold a number that a stage reads; digests make a needless run a short one."""
+    """Any file of conf/, and any dataclass, may hold a number that a stage reads; digests make a needless run short."""
     folder, written = pipeline
-    settings = sorted((ROOT / "conf").rglob("*.yaml"))
-    for stage in written["stages"].values():
-        if any("sidegan.run" in command for command in stage["cmd"]):
-            watched = {(ROOT / folder / dep).resolve() for dep in stage["deps"]}
-            assert [path for path in settings if watched.isdisjoint((path, *path.parents))] == []
+    settings, *others = written["stages"].values()
+    edited = [*(ROOT / "conf").rglob("*.yaml"), *(ROOT / "sidegan").rglob("settings.py")]
+    watched = {(ROOT / folder / dep).resolve() for dep in settings["deps"]}
+    assert [path for path in edited if watched.isdisjoint((path, *path.parents))] == []
+    running = [stage for stage in others if any("sidegan.run" in command for command in stage["cmd"])]
+    assert running and all(settings["outs"][0] in stage["deps"] for stage in running)
 
 
 @pytest.fixture(scope="module")
@@ -107,4 +108,4 @@ def test_every_stage_makes_its_outputs_and_depends_on_what_they_are_made_from(pi
 def test_every_command_composes_valid_settings(pipeline):
     commands = (command for stage in pipeline[1]["stages"].values() for command in stage["cmd"])
     for words in (shlex.split(command) for command in commands if "sidegan.run" in command):
-        validate(composed(*words[words.index("sidegan.run") + 1 :]))
+        validate(composed(*(word for word in words[words.index("sidegan.run") :] if "=" in word)))
