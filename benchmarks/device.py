@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.gan.side_gan import Data
 from sidegan.gan.tensors import tensor
-from sidegan.gan.training import fit
+from sidegan.gan.training import fit_module
 
 SEEDS, EPOCHS, WARM = 1800, 2, 1
 _SAMPLES, _BATCHES = 20_000, 5
@@ -62,7 +63,7 @@ def rates(variant: Any, data: Data, device: str) -> dict[str, float]:
     order = RandomSampler(rows, num_samples=model.steps * variant.generator.batch)
 
     def train(epochs: int) -> None:
-        fit(model, DataLoader(rows, variant.generator.batch, sampler=order), epochs, device=device)
+        fit_module(model, DataLoader(rows, variant.generator.batch, sampler=order), epochs, device=device)
 
     train(WARM)
     before = [x.detach().clone() for x in model.generator.parameters()]

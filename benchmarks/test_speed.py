@@ -17,10 +17,10 @@ from sidegan.base.arrays import Array, flatten
 from sidegan.design.objective import Goal, Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.networks import Generator
+from sidegan.gan.networks import DenseGenerator
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.tensors import tensor
-from sidegan.gan.training import Run, train
+from sidegan.gan.training import TrainingRun, train_variant
 from sidegan.identification import RIGID, Measurements, TorqueModel
 from sidegan.identification.fit import gather, least_squares
 from sidegan.motion.dynamics import gram
@@ -166,7 +166,7 @@ def test_generation(rate: Rate) -> None:
     seeds = tensor(start(200))
     arm = CONSTRAINTS.arm
     scaling = Scaling.fit(seeds)
-    network = Generator(*FAMILY.shape[:2], shortcut=True)
+    network = DenseGenerator(*FAMILY.shape[:2], shortcut=True)
     network.start_from(scaling.image(seeds))
     made = TrajectoryGenerator(network.eval(), scaling, FAMILY, arm)
     rate(lambda: [made.sample(1000) for _ in range(10)], 10_000, "trajectories")
@@ -211,7 +211,13 @@ def test_training(rate: Rate, tmp_path: Path) -> None:
     """Epochs of variant eigen on 1800 seeds, with untrained surrogates and the true physics after each."""
     variant, data = device.task()
     places = _places(tmp_path)
-    rate(lambda place: train(variant, data, Run("eigen", 0, place)), device.EPOCHS, "epochs", 2, setup=places)
+    rate(
+        lambda place: train_variant(variant, data, TrainingRun("eigen", 0, place)),
+        device.EPOCHS,
+        "epochs",
+        2,
+        setup=places,
+    )
 
 
 @pytest.mark.parametrize("by", [OURS, "Pinocchio + NumPy"])

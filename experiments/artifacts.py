@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sidegan.gan.metrics import measure
+from sidegan.gan.metrics import measure_samples
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
@@ -18,21 +18,21 @@ from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.baselines import baselines, long_trajectory, random_set
 from sidegan.pipeline.stages.discussion import density, timing
 from sidegan.pipeline.stages.identification import identification, plant
+from sidegan.pipeline.stages.measures import measured_pools as measured_pools
 from sidegan.pipeline.stages.measures import measures
-from sidegan.pipeline.stages.measures import pools as measured_pools
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import (
     SEEDS,
     ExcitationSet,
-    alone,
     excitation_sets,
+    generated_alone,
     library,
     picked,
     pools,
     selection,
 )
-from sidegan.pipeline.stages.training import generator, on_subset, surrogates
+from sidegan.pipeline.stages.training import generator, on_subset, surrogate_networks
 
 Report = dict[str, Any]
 
@@ -43,25 +43,65 @@ class Artifacts:
 
     run: RunContext
 
-    # Expected NMSE of every excitation set over the noise, by set, training, weighted and joint; the same
-    # under constant noise, weighted; of random draws from every measured set, by set, training and noise.
-    expected = cached_property(lambda self: self._expected("paper"))
-    constant = cached_property(lambda self: self._expected("constant"))
-    # The first of these for the sets picked from each generator's trajectories alone.
-    alone = cached_property(lambda self: self._expected("paper", picked(self.run, alone(self.run))))
-    draws = cached_property(lambda self: pd.concat(map(self.run.frame, self._measures.values())))
-    # NMSE of every excitation set executed by plants, by set, training, repeat, weighted and joint.
-    plant = cached_property(lambda self: self._of_sets(plant))
-    # Experiment 2, first reading: NMSE by set, training, repeat, weighted and joint; norms and samples.
-    whole_errors = cached_property(lambda self: self._replicated(0))
-    whole_facts = cached_property(lambda self: self._replicated(0, FACTS))
-    # Samples of kernel density estimates, a row for each bandwidth.
-    density = cached_property(lambda self: self.run.frame(density(self.run)))
-    # Reports, with their costs; speed: of generation, by the eigen variant's first training, and the machine.
-    seeds = cached_property(lambda self: self.report(seed_set(self.run)))
-    random = cached_property(lambda self: self.report(random_set(self.run)))
-    surrogates = cached_property(lambda self: self.report(surrogates(self.run)))
-    speed = cached_property(lambda self: self.costs(timing(self.run)))
+    @cached_property
+    def expected(self) -> pd.DataFrame:
+        """Expected NMSE of every excitation set over the noise, by set, training, weighted and joint."""
+        return self._expected("paper")
+
+    @cached_property
+    def constant(self) -> pd.DataFrame:
+        """The same under constant noise, weighted."""
+        return self._expected("constant")
+
+    @cached_property
+    def alone(self) -> pd.DataFrame:
+        """The expected NMSE of the sets picked from each generator's trajectories alone."""
+        return self._expected("paper", picked(self.run, generated_alone(self.run)))
+
+    @cached_property
+    def draws(self) -> pd.DataFrame:
+        """Expected NMSE of random draws from every measured set, by set, training and noise."""
+        return pd.concat(map(self.run.frame, self._measures.values()))
+
+    @cached_property
+    def plant(self) -> pd.DataFrame:
+        """NMSE of every excitation set executed by plants, by set, training, repeat, weighted and joint."""
+        return self._of_sets(plant)
+
+    @cached_property
+    def whole_errors(self) -> pd.DataFrame:
+        """Experiment 2, first reading: NMSE by set, training, repeat, weighted and joint."""
+        return self._replicated(0)
+
+    @cached_property
+    def whole_facts(self) -> pd.DataFrame:
+        """Norms and samples of the same."""
+        return self._replicated(0, FACTS)
+
+    @cached_property
+    def density(self) -> pd.DataFrame:
+        """Samples of kernel density estimates, a row for each bandwidth."""
+        return self.run.frame(density(self.run))
+
+    @cached_property
+    def seeds(self) -> Report:
+        """Report of the seeds, with its costs."""
+        return self.report(seed_set(self.run))
+
+    @cached_property
+    def random(self) -> Report:
+        """Report of the random set, with its costs."""
+        return self.report(random_set(self.run))
+
+    @cached_property
+    def surrogates(self) -> Report:
+        """Report of the surrogates, with its costs."""
+        return self.report(surrogate_networks(self.run))
+
+    @cached_property
+    def speed(self) -> Report:
+        """Speed of generation, by the eigen variant's first training, and the machine."""
+        return self.costs(timing(self.run))
 
     @property
     def cfg(self) -> Config:
@@ -141,7 +181,7 @@ class Artifacts:
     def training_seconds(self, name: str, training: int) -> float:
         """CPU time of a variant's surrogates, training and library [s]."""
         trained = generator(self.run, name, training, self.cfg.gan[name])
-        parts = [surrogates(self.run), trained, library(self.run, name, training)]
+        parts = [surrogate_networks(self.run), trained, library(self.run, name, training)]
         return sum(float(self.costs(part)["cpu_seconds"]) for part in parts)
 
     @cached_property
@@ -151,7 +191,7 @@ class Artifacts:
         Rank and nearest distance depend on the number of trajectories.
         """
         seeds = self.run.load(seed_set(self.run)).coefficients[: self.cfg.evaluation]
-        return measure(self.run.cell.constraints, self.run.cell.trajectory, seeds)
+        return measure_samples(self.run.cell.constraints, self.run.cell.trajectory, seeds)
 
     def generated(self, name: str, training: int) -> Library:
         """A variant's library."""

@@ -19,7 +19,7 @@ from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.baselines import long_family
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS
-from sidegan.pipeline.stages.training import generator, generators, surrogates
+from sidegan.pipeline.stages.training import generator, generators, surrogate_networks
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import export, figures, motion, tables
 from sidegan.report.document import write_page
@@ -223,7 +223,7 @@ def _timing(artifacts: Artifacts) -> pd.DataFrame:
         "long": ("the single long trajectory, CPU", long),
         "seed": ("one seed, CPU", seed),
         "seeds": ("the seed set, CPU", seed * run.cfg.seeds.count),
-        "surrogates": ("the surrogates, CPU", artifacts.costs(surrogates(run))["cpu_seconds"]),
+        "surrogates": ("the surrogates, CPU", artifacts.costs(surrogate_networks(run))["cpu_seconds"]),
         "training": ("one training, CPU", float(np.mean(trainings))),
         "generation": ("one generated trajectory", speed["generation_seconds"]),
         "checked": ("one valid trajectory, checked", 1 / speed["valid_per_second"]),

@@ -15,7 +15,7 @@ import torch
 
 import sidegan as sg
 from sidegan.design.excitation import information_of
-from sidegan.gan.settings import recipe
+from sidegan.gan.settings import variant_recipe
 from sidegan.steps.identify import check_recordings
 
 GENERATOR = {"width": 16, "noise": 8, "batch": 20, "corrections": 1}
@@ -345,7 +345,7 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     assert torch.equal(before[0], torch.get_rng_state()) and (before[1] == np.random.get_state()[1]).all()
     made = generator.sample(20)
     assert made.shape == (20, 2, 3, 2) and len(generator.history) == 2
-    ways = {"rank": 0}, replace(recipe("eigen").weights, rank=0.0)  # to leave out one loss alone
+    ways = {"rank": 0}, replace(variant_recipe("eigen").weights, rank=0.0)  # to leave out one loss alone
     less = [sg.train("eigen", cell, seeds, surrogates=tmp_path, weights=x, **SMALL).history for x in ways]
     assert less[0].equals(less[1]) and not less[0].equals(generator.history)
     generator.save(tmp_path / "eigen.pt")

@@ -10,10 +10,10 @@ from torch import Tensor, nn
 from sidegan.base.arrays import Array
 from sidegan.base.storage import reading
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.gan.networks import Correction, FromNoise, Generator
+from sidegan.gan.networks import Correction, DenseGenerator, FromNoise
 from sidegan.gan.published import ConvolutionalGenerator, PublishedScaling
-from sidegan.gan.scaling import Box, LimitLayer, Scaling
-from sidegan.gan.tensors import array, read_tensors, write_tensors
+from sidegan.gan.scaling import CoefficientBox, LimitLayer, Scaling
+from sidegan.gan.tensors import numpy_array, read_tensors, write_tensors
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
@@ -46,7 +46,7 @@ class TrajectoryGenerator(nn.Module):
     ) -> None:
         super().__init__()
         self.network, self.scaling = network, scaling
-        self.box = None if box is None else Box(box)
+        self.box = None if box is None else CoefficientBox(box)
         self.limits = LimitLayer(arm, trajectory) if limited else None
         width = network.settings["width"]
         self.corrections = nn.ModuleList(Correction(arm, trajectory, width) for _ in range(corrections))
@@ -79,7 +79,7 @@ class TrajectoryGenerator(nn.Module):
         if not isinstance(count, Integral) or count < 1:
             raise ShapeError(f"cannot sample {count!r} trajectories, expected a positive whole number")
         stream = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
-        return array(self.coefficients(self.images(count, stream)))
+        return numpy_array(self.coefficients(self.images(count, stream)))
 
     def stream(self, seed: int) -> Callable[[int], Array]:
         """Function that draws new coefficients [rad/s], (count, J, H, 2), different at every call."""
@@ -121,7 +121,7 @@ class TrajectoryGenerator(nn.Module):
             family = Trajectory(**content["trajectory"])
             joints, size = family.joints, 2 * family.harmonics
             published = content["published"]
-            network = (ConvolutionalGenerator if published else Generator)(**content["network"])
+            network = (ConvolutionalGenerator if published else DenseGenerator)(**content["network"])
             ours = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
             scaling = PublishedScaling(joints, family.harmonics) if published else ours
             last = {name: content[name] for name in ("limited", "box", "corrections")}

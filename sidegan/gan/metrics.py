@@ -30,7 +30,7 @@ def noises(body: RigidBody) -> dict[str, TorqueNoise]:
     }
 
 
-def measure(
+def measure_samples(
     constraints: Constraints, trajectory: Trajectory, c: Array, seeds: Array | None = None
 ) -> dict[str, float]:
     """Validity, fitness, diversity and prediction errors of generated coefficients, (N, J, H, 2).
@@ -53,11 +53,11 @@ def measure(
         **diversity(c, excitation.diagonal),
         **(proportions(c) if len(c) > 1 else {}),
         **({} if seeds is None else {"beyond": beyond(c, seeds)}),
-        **expected_errors(constraints, trajectory, c[valid]),
+        **random_set_errors(constraints, trajectory, c[valid]),
     }
 
 
-def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Array) -> dict[str, float]:
+def random_set_errors(constraints: Constraints, trajectory: Trajectory, c: Array) -> dict[str, float]:
     """Expected nMSE on random motions after identification from random sets of 35 of N trajectories.
 
     With the paper's noise and equal weights, and with constant noise and joints weighted by it; arithmetic

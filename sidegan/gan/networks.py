@@ -42,7 +42,7 @@ class FromNoise(nn.Module):
         return self(self.draw(count, generator))
 
 
-class Generator(FromNoise):
+class DenseGenerator(FromNoise):
     """Maps noise (B, Z) in [−1, 1] to images (B, 2, J, H), initially of unit spread.
 
     A shortcut is a linear path parallel to the layers (``start_from``).

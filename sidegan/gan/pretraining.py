@@ -18,7 +18,7 @@ from sidegan.gan.published import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
 from sidegan.gan.settings import SurrogateSettings, Variant
 from sidegan.gan.surrogates import Converter, SuccessPredictor, learn, scores
-from sidegan.gan.tensors import array, read_tensors, tensor, write_network
+from sidegan.gan.tensors import numpy_array, read_tensors, tensor, write_network
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
@@ -106,10 +106,10 @@ class Pretraining:
         seeds, others = self.seeds[: self._learnt], self.negatives[:-_HELD_OUT_NEGATIVES]
         noise = torch.Generator().manual_seed(seed)
         parts = [
-            x[array(torch.randint(len(x), (n,), generator=noise))]
+            x[numpy_array(torch.randint(len(x), (n,), generator=noise))]
             for x, n in ((seeds, count // 2), (others, count - count // 2))
         ]
-        sizes = array(torch.rand(count, 1, 1, 1, generator=noise, dtype=torch.float64))
+        sizes = numpy_array(torch.rand(count, 1, 1, 1, generator=noise, dtype=torch.float64))
         samples = np.concatenate(parts) * (_SMALLEST + (_LARGEST - _SMALLEST) * sizes)
         energies = Energies(self.constraints, self.trajectory, self.seeds)
         steps = self.settings.margin_steps
@@ -176,7 +176,7 @@ def _begin(labelled: Labelled, seed: int) -> tuple[Labelled, Labelled, torch.Gen
     """Training data, held-out data and random numbers of a training."""
     torch.manual_seed(seed)
     random = torch.Generator().manual_seed(seed)
-    order = array(torch.randperm(len(labelled.c), generator=random))
+    order = numpy_array(torch.randperm(len(labelled.c), generator=random))
     cut = int(len(order) * (1 - _HELD_OUT))
     return labelled.take(order[:cut]), labelled.take(order[cut:]), random
 

@@ -23,7 +23,7 @@ from sidegan.design.prediction import (
 from sidegan.design.problem import Problem
 from sidegan.gan.metrics import noises
 from sidegan.gan.settings import Reward
-from sidegan.gan.tensors import array, tensor
+from sidegan.gan.tensors import numpy_array, tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 
@@ -50,7 +50,7 @@ class _Energies(torch.autograd.Function):
         ctx.constants = problem, directions, weights
         trajectory, samples = problem.trajectory, problem.samples
         values = []
-        for part in split(array(c), max(1, _STATES_AT_ONCE // samples)):
+        for part in split(numpy_array(c), max(1, _STATES_AT_ONCE // samples)):
             y = problem.body.base_regressor(*trajectory.roll_out(part, trajectory.grid(samples))[1:])
             values.append(np.square(weights[:, None] * (y @ directions)).sum((1, 2)) / samples)
         return tensor(np.concatenate(values))
@@ -59,14 +59,14 @@ class _Energies(torch.autograd.Function):
     def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None, None]:
         (c,), (problem, directions, weights) = ctx.saved_tensors, ctx.constants
         vectors = np.repeat(directions.T[None], len(c), 0)
-        _, gradient = pull_back(problem, array(c), vectors, array(slopes[0]), certainty=weights)
+        _, gradient = pull_back(problem, numpy_array(c), vectors, numpy_array(slopes[0]), certainty=weights)
         return tensor(gradient).to(c), None, None, None
 
 
 def violation(problem: Problem, c: Tensor, penalty: Penalty) -> Tensor:
     """Penalty of violated constraints, (B,) float64: squared relative violations, mean over time."""
     none = np.zeros((len(c), 0, problem.body.parameters_count))
-    value, gradient = pull_back(problem, array(c), none, none[:, :, 0], penalty)
+    value, gradient = pull_back(problem, numpy_array(c), none, none[:, :, 0], penalty)
     zero = (tensor(gradient).to(c) * (c - c.detach())).sum((1, 2, 3))  # with this gradient
     return tensor(value).to(c.device) + zero
 
@@ -94,7 +94,7 @@ class Worth:
 
     def __call__(self, c: Tensor) -> Tensor:
         """Log worth of coefficients [rad/s], (B, J, H, 2), relative to the running means, (B,) float64."""
-        self.learn(array(c[:_FEW]))
+        self.learn(numpy_array(c[:_FEW]))
         directions, shares = self.slope
         return (energies(self.problem, c, directions, self.prediction.noise.weights) @ tensor(shares)).log()
 
@@ -131,7 +131,7 @@ class Energies:
     def __call__(self, c: Array) -> Array:
         """Energies for each noise in turn, (N, K), about 1 for the seeds."""
         x = tensor(c)
-        return array(torch.cat([energies(self.problem, x, v, w) for v, _, w in self.parts.values()], 1))
+        return numpy_array(torch.cat([energies(self.problem, x, v, w) for v, _, w in self.parts.values()], 1))
 
     def worth(self, logs: Tensor, reward: Reward | None) -> Tensor:
         """Mean log worth from log energies, (B, K); 0-dimensional.

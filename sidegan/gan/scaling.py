@@ -119,7 +119,7 @@ class LimitLayer(nn.Module):
         return use
 
 
-class Box(nn.Module):
+class CoefficientBox(nn.Module):
     """Map free coefficients smoothly into a box of absolute values below a size [rad/s]."""
 
     def __init__(self, size: float) -> None:

@@ -243,7 +243,7 @@ DEFAULTS = {
 }
 
 
-def recipe(name: str) -> Variant:
+def variant_recipe(name: str) -> Variant:
     """The variant that ``gan=name`` composes, at scale quick.
 
     Raises:

@@ -14,10 +14,10 @@ from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError, SideganError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.losses import Adversary, Batch, Loss, common_offset, missing_distance, missing_rank
-from sidegan.gan.networks import FromNoise, Generator
+from sidegan.gan.networks import DenseGenerator, FromNoise
 from sidegan.gan.published import IMAGE, ConvolutionalGenerator, PublishedScaling
 from sidegan.gan.reward import Energies
-from sidegan.gan.scaling import Box, Scaling
+from sidegan.gan.scaling import CoefficientBox, Scaling
 from sidegan.gan.settings import Variant
 from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
@@ -87,8 +87,8 @@ class SideGAN(pl.LightningModule):
                     f"harmonics; these trajectories have {joints} joints and {harmonics} harmonics"
                 )
             return ConvolutionalGenerator(settings.noise, settings.width, settings.batch), published
-        network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
-        seeds = self.seeds if box is None else Box(box).free(self.seeds)
+        network = DenseGenerator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
+        seeds = self.seeds if box is None else CoefficientBox(box).free(self.seeds)
         scaling = Scaling.fit(seeds)
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))

@@ -1,10 +1,11 @@
 """Conversion between tensors and arrays, and files of tensors."""
 
+import ctypes
 import io
 import threading
 import zipfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,11 @@ from sidegan.errors import ArtifactError
 
 _ZIP = b"PK\x03\x04"  # how torch's files begin, but for those of the oldest versions
 _training = threading.Lock()
+_MALLOC = {
+    -1: 2**31 - 1,
+    -2: 2**28,
+    -3: 2**30,
+}  # M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD of glibc [bytes]
 
 if limited():  # torch is imported inside a block of ``on_threads``
     torch.set_num_threads(threads())
@@ -26,6 +32,17 @@ if limited():  # torch is imported inside a block of ``on_threads``
 def tensor(x: Array) -> Tensor:
     """A tensor with a copy of an array."""
     return torch.tensor(x)
+
+
+def keep_freed_memory() -> None:
+    """Let the C library keep what this process frees: pages that are new for every tensor cost time.
+
+    Nothing happens where it has no ``mallopt``.
+    """
+    with suppress(AttributeError, OSError):
+        mallopt = ctypes.CDLL(None).mallopt
+        for option, size in _MALLOC.items():
+            mallopt(option, size)
 
 
 def refusal(device: str) -> str:
@@ -38,7 +55,7 @@ def refusal(device: str) -> str:
 
 
 @contextmanager
-def alone() -> Iterator[None]:
+def torch_alone() -> Iterator[None]:
     """Context in which trainings depend on their arguments alone, as in a worker of a command.
 
     One at a time, since all threads of a process draw the same random numbers of torch; on one thread, in
@@ -54,7 +71,7 @@ def alone() -> Iterator[None]:
             torch.set_default_dtype(precision)
 
 
-def array(x: Tensor) -> Array:
+def numpy_array(x: Tensor) -> Array:
     """A tensor as an array: floats become float64, integers and booleans keep their type."""
     x = x.detach().cpu()
     return (x.double() if x.is_floating_point() else x).numpy()

@@ -24,13 +24,13 @@ from sidegan.design.prediction import random_motions
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.metrics import measure
+from sidegan.gan.metrics import measure_samples
 from sidegan.gan.pretraining import Labelled, label
-from sidegan.gan.scaling import Box
+from sidegan.gan.scaling import CoefficientBox
 from sidegan.gan.settings import Refresh, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.surrogates import learn
-from sidegan.gan.tensors import array, read_tensors, tensor
+from sidegan.gan.tensors import keep_freed_memory, numpy_array, read_tensors, tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
 
@@ -56,7 +56,7 @@ class Trained:
 
 
 @dataclass(frozen=True)
-class Run:
+class TrainingRun:
     """Options of a training run."""
 
     name: str  # of the variant, for files and messages
@@ -69,7 +69,7 @@ class Run:
     logger: Logger | None = None  # of losses and metrics, while it runs
 
 
-def train(settings: Variant, data: Data, run: Run) -> Trained:
+def train_variant(settings: Variant, data: Data, run: TrainingRun) -> Trained:
     """Train a generator, or resume its interrupted training.
 
     Raises:
@@ -78,6 +78,7 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
         SideganError: when the training diverges.
         KeyboardInterrupt: when interrupted.
     """
+    keep_freed_memory()
     torch.manual_seed(run.seed)
     data.trajectory.check(data.seeds)
     if len(data.seeds) > 1 and not np.ptp(data.seeds, axis=0).any():
@@ -88,11 +89,11 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     batches = DataLoader(rows, batch, sampler=order)
     refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
     metrics = EpochMetrics(run)
-    fit(model, batches, settings.epochs, [*refresh, metrics], run.work, run.device, run.logger)
+    fit_module(model, batches, settings.epochs, [*refresh, metrics], run.work, run.device, run.logger)
     return Trained(model.generator.eval(), metrics.history, torch.cat(metrics.samples).numpy())
 
 
-def fit(
+def fit_module(
     module: pl.LightningModule,
     batches: Iterable[Any],
     epochs: int,
@@ -204,7 +205,7 @@ class EpochMetrics(pl.Callback):
     The metrics so far are part of checkpoints.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: TrainingRun) -> None:
         self.run = run
         self.history: list[dict[str, float]] = []  # a row per epoch
         self.samples: list[torch.Tensor] = []  # images of each epoch, (n, 2, …)
@@ -219,7 +220,7 @@ class EpochMetrics(pl.Callback):
             pl_module.stop("its trajectories are not finite")
         data = pl_module.data
         seeds = data.seeds if pl_module.settings.seeded else None
-        metrics = measure(data.constraints, data.trajectory, c, seeds)
+        metrics = measure_samples(data.constraints, data.trajectory, c, seeds)
         self.history.append(metrics)
         self.samples.append(generator.images(run.samples, noise).cpu() if run.samples else torch.empty(0))
         if run.logger is not None:
@@ -254,4 +255,4 @@ def random_trajectories(
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
             f"{_SMALL:.0%} of their limits on motion, {summarise_faults(verdict.faults())}"
         )
-    return c if box is None else array(Box(box)(tensor(c)))
+    return c if box is None else numpy_array(CoefficientBox(box)(tensor(c)))

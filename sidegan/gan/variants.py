@@ -20,7 +20,7 @@ from sidegan.gan.published import ConvolutionalDiscriminator
 from sidegan.gan.reward import Energies, Worth, violation
 from sidegan.gan.settings import ExactPhysics, Published, Variant
 from sidegan.gan.side_gan import Data, SideGAN
-from sidegan.gan.tensors import array, tensor
+from sidegan.gan.tensors import numpy_array, tensor
 
 _EASE, _EASED = 0.1, 0.4  # initial share of the violations' weight, and share of the training until it is 1
 _CLEARANCE = 4.0  # clearance over the reserve, in units of 0.25 m
@@ -151,7 +151,7 @@ class Exact(SideGAN):
         """Also restore the running means."""
         super().on_load_checkpoint(checkpoint)
         for (_, worth), (means, seen) in zip(self.worths, checkpoint["worths"]):
-            worth.means, worth.seen = array(means), seen
+            worth.means, worth.seen = numpy_array(means), seen
 
 
 class PublishedEigen(Eigen):

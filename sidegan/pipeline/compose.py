@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from sidegan.pipeline.settings import Config
 
 
-def times(*factors: Any) -> float | None:
+def product_of(*factors: Any) -> float | None:
     """A product; null if a factor is not a number, which validation then reports by its own name."""
     return math.prod(factors) if all(isinstance(x, int | float) for x in factors) else None
 
 
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
-OmegaConf.register_new_resolver("times", times, replace=True)
+OmegaConf.register_new_resolver("times", product_of, replace=True)
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 _FOREIGN = re.compile(r"(?<=[=:,\[{])[^=:,\[\]{}]*[^\x00-\x7f][^,\[\]{}]*")  # a value that is not ASCII
 

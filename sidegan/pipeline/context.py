@@ -23,7 +23,7 @@ from sidegan.pipeline.store import Store
 from sidegan.robot import describe_placeholder_links
 from sidegan.robot.consistency import describe_other_units
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 GENERATOR, HISTORY, REPORT = "generator.pt", "history.json", "report.json"
 RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
@@ -68,9 +68,9 @@ class RunContext:
             warnings += filter(None, [describe_other_units(arm)])
             notes = list(filter(None, [described(arm)]))
         for text in warnings:
-            log.warning("%s", text)
+            _log.warning("%s", text)
         for text in notes:
-            log.info("%s", text)
+            _log.info("%s", text)
 
     def with_settings(self, **changes: Any) -> "RunContext":
         """A copy with changed settings, by their names in the configuration."""

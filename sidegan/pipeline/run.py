@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # imports every room: too slow for `--help`
     from sidegan.pipeline.context import RunContext
     from sidegan.pipeline.settings import Config
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 MODELS = {"gan", "identify"}  # makers whose artifacts MLflow lists as models
 ARTIFACTS = "artifacts.json"  # in the run's folder
@@ -63,11 +63,11 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
         if config.has("robot"):
             run.log_decisions()
         for title, part in stages.items():
-            log.info("%s …", title)
+            _log.info("%s …", title)
             began = time.monotonic()
             run_stage(title, part, run, tracker)
             seconds = time.monotonic() - began
-            log.info("%s: done in %s", title, duration(seconds))
+            _log.info("%s: done in %s", title, duration(seconds))
             tracker.log_metrics({f"stage seconds/{title}": seconds})
 
 
@@ -121,7 +121,7 @@ def _record(artifact: Artifact, run: "RunContext", tracker: Tracker) -> None:
     epochs = max(map(len, series.values()), default=0)
     when, found = ("", numbers | spent) if numbers or not series else (f" after {epochs} epochs", last)
     texts = [f"{k} {plain(x, '.4g')}" if isinstance(x, float) else f"{k} {x}" for k, x in found.items()]
-    log.info("%s%s: %s", title, when, ", ".join(texts))
+    _log.info("%s%s: %s", title, when, ", ".join(texts))
 
 
 def run_job(cfg: DictConfig, run_folder: Path, name: str, overrides: Sequence[str] = ()) -> int:
@@ -137,9 +137,9 @@ def run_job(cfg: DictConfig, run_folder: Path, name: str, overrides: Sequence[st
             raise KeyboardInterrupt from error
         code = BAD_CONFIG if isinstance(error, ConfigError) else FAILURE
         if isinstance(error, SideganError) or getattr(error, "errno", None) in _STORAGE:
-            log.error("error: %s", error)
+            _log.error("error: %s", error)
         else:
-            log.exception("error: unexpected %s", type(error).__name__)
+            _log.exception("error: unexpected %s", type(error).__name__)
         _save_status(run_folder, code, f"{type(error).__name__}: {error}")
         return code
     _save_status(run_folder, 0, None)

@@ -26,7 +26,7 @@ from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline.artifact import Artifact, Build, difference, stage_of
 from sidegan.pipeline.tracking import Curves
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 PARAMS = "params.json"
 _PROBE = bytes(2**20)  # least free space of a run
@@ -67,7 +67,7 @@ class Store:
             return folder if read_params(folder) == artifact.params else None
         except ArtifactError as error:
             if folder not in self._damaged:
-                log.warning("%s: it will be made again", error)
+                _log.warning("%s: it will be made again", error)
             self._damaged.add(folder)
             return None
 
@@ -108,7 +108,7 @@ class Store:
             if self.find(artifact) is None:
                 self._make(artifact, Build(final.with_name(f".{final.name}.tmp"), work, report, self.curves))
             else:
-                log.info("%s: reused from %s", artifact.maker, final)
+                _log.info("%s: reused from %s", artifact.maker, final)
             shutil.rmtree(work, ignore_errors=True)
         return final
 
@@ -136,7 +136,7 @@ class Store:
                 folder.rename(final)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
-        log.info("%s: made %s in %s", artifact.maker, final, duration(seconds))
+        _log.info("%s: made %s in %s", artifact.maker, final, duration(seconds))
 
     @contextmanager
     def _lock(self, artifact: Artifact) -> Iterator[None]:
@@ -148,7 +148,7 @@ class Store:
                 lock.acquire(timeout=0)
             except Timeout:
                 folder = self.folder(artifact)
-                log.info("%s: another run is making %s, waiting for it", artifact.maker, folder)
+                _log.info("%s: another run is making %s, waiting for it", artifact.maker, folder)
                 lock.acquire()
         try:
             yield

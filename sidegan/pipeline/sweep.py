@@ -20,7 +20,7 @@ from sidegan.pipeline.tracking import Status, Tracker
 if TYPE_CHECKING:  # slow to import
     import pandas as pd
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 # environment variables, since jobs may run in other processes
 PARENT, SWEPT = "SIDEGAN_PARENT_RUN", "SIDEGAN_SWEPT"
@@ -68,10 +68,10 @@ class SweepCallback(Callback):
                 caption = f"{config.experiment}, all jobs: mean ± standard deviation over seeds"
                 publish(table, sweep / "sweep", caption, _parent)
         except Exception:
-            log.exception("the table over all jobs could not be made")
+            _log.exception("the table over all jobs could not be made")
             worst = max(worst, 1)
         for folder in (folder for folder, code in codes.items() if code):
-            log.error("error: job %s failed, see %s", folder.name, folder)
+            _log.error("error: job %s failed, see %s", folder.name, folder)
         end_sweep("FAILED" if worst else "FINISHED")
         if worst:
             raise SystemExit(worst)

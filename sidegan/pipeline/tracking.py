@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mlflow.utils.async_logging.run_operations import RunOperations
     from pytorch_lightning.loggers import MLFlowLogger
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 Status = Literal["FINISHED", "FAILED", "KILLED"]
 _NOTE, _NOTE_LENGTH = "mlflow.note.content", 8000  # the description of a run, in Markdown
@@ -43,7 +43,7 @@ def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
                 return method(self, *args, **kwargs)
             except Exception as error:  # no failure of tracking may stop the run
                 self.enabled = False
-                log.warning("the run continues without MLflow: %s", _reason(error))
+                _log.warning("the run continues without MLflow: %s", _reason(error))
         return None
 
     return call

@@ -2,6 +2,6 @@
 
 from sidegan.seeding.methods import Gradient
 from sidegan.seeding.optimise import SeedBatch, make_long, make_seeds
-from sidegan.seeding.settings import Seeds, recipe, refuse_beyond
+from sidegan.seeding.settings import Seeds, refuse_beyond, seeds_recipe
 
-__all__ = ["Gradient", "SeedBatch", "Seeds", "make_long", "make_seeds", "recipe", "refuse_beyond"]
+__all__ = ["Gradient", "SeedBatch", "Seeds", "make_long", "make_seeds", "refuse_beyond", "seeds_recipe"]

@@ -78,7 +78,7 @@ class Seeds:
         return Gradient(self.steps, self.attempts, self.reserve or 0.0)
 
 
-def recipe(method: str = "gradient", **changes: Any) -> Seeds:
+def seeds_recipe(method: str = "gradient", **changes: Any) -> Seeds:
     """The optimiser that ``seeds=method`` composes, at scale quick, with changed settings.
 
     Raises:

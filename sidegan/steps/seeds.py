@@ -13,7 +13,7 @@ from sidegan.base.typed import changed, settings_of
 from sidegan.cell import Cell, require_cell
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
-from sidegan.seeding import SeedBatch, Seeds, make_seeds, recipe
+from sidegan.seeding import SeedBatch, Seeds, make_seeds, seeds_recipe
 from sidegan.steps.trajectories import TrajectorySet
 
 
@@ -65,7 +65,11 @@ def _chosen(settings: Seeds | Mapping[str, Any] | None) -> Seeds:
     method = given.get("method", "gradient") if isinstance(given, Mapping) else getattr(given, "method", None)
     if method == "published":
         raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
-    return recipe(**{"method": method, **given}) if isinstance(given, Mapping) else settings_of(Seeds, given)
+    return (
+        seeds_recipe(**{"method": method, **given})
+        if isinstance(given, Mapping)
+        else settings_of(Seeds, given)
+    )
 
 
 def optimised(cell: Cell, settings: Seeds, seed: int, work: Path, workers: int | None) -> SeedBatch:

@@ -24,7 +24,7 @@ from sidegan.base.storage import file_digest, path_of, read_json, write_json, wr
 from sidegan.base.typed import changed, settings_of
 from sidegan.cell import Cell, coefficients_of, require_cell
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, ShapeError
-from sidegan.gan.settings import SurrogateSettings, Variant, recipe, surrogates_recipe
+from sidegan.gan.settings import SurrogateSettings, Variant, surrogates_recipe, variant_recipe
 from sidegan.seeding import refuse_beyond
 from sidegan.steps.trajectories import TrajectorySet
 from sidegan.validity import summarise_faults
@@ -33,9 +33,9 @@ with extra("paper"):
     from sidegan.gan.generator import TrajectoryGenerator
     from sidegan.gan.pretraining import SHARES, Labelled, Pretraining, load_surrogates, negatives_count
     from sidegan.gan.side_gan import Data
-    from sidegan.gan.tensors import alone
-    from sidegan.gan.training import Run, Trained, random_trajectories
-    from sidegan.gan.training import train as run_training
+    from sidegan.gan.tensors import torch_alone
+    from sidegan.gan.training import Trained, TrainingRun, random_trajectories
+    from sidegan.gan.training import train_variant as run_training
 
 _CELL = "cell.json"  # beside surrogates: what they were trained for
 
@@ -150,12 +150,12 @@ def train(
                 f"the surrogates in {source} were trained for another cell: {', '.join(differing)} differ"
             )
     c = None if seeds is None or not settings.seeded else _examples(seeds, cell, box)
-    run = Run(name, number(seed, f"gan {name}"), Path())
+    run = TrainingRun(name, number(seed, f"gan {name}"), Path())
     networks = [] if source is None else [file_digest(file) for file in sorted(source.glob("*.pt"))]
     learnt, bound = None if c is None else c.tolist(), None if box is None else float(box)
     # all that the result follows from: other calls have other folders beside this one
     stamp = stamp_of(cell.identity(), name, settings.stamped(), learnt, run.seed, bound, networks)
-    with TemporaryDirectory() as temporary, alone():
+    with TemporaryDirectory() as temporary, torch_alone():
         work = path_of(temporary if folder is None else folder, "folder") / stamp
         with writing(work):
             work.mkdir(parents=True, exist_ok=True)
@@ -193,9 +193,9 @@ def _require_box(box: float | None) -> None:
 def _settings(variant: str | Variant | Mapping[str, Any], changes: dict[str, Any]) -> tuple[str, Variant]:
     """Name and settings of a variant with changes; a ConfigError if there is none."""
     if isinstance(variant, str):
-        return variant, changed(recipe(variant), changes)
+        return variant, changed(variant_recipe(variant), changes)
     if isinstance(variant, Mapping):  # trained for as long as the others, unless it says otherwise
-        usual = recipe("vanilla")
+        usual = variant_recipe("vanilla")
         variant = {"epochs": usual.epochs, "steps": usual.steps, **variant}
     own = settings_of(Variant, variant)
     return own.name.lower(), changed(own, changes)
@@ -237,7 +237,7 @@ def surrogates(
     into = path_of(folder, "folder")
     settings = surrogates_recipe(**changes)
     c = _examples(seeds, cell, box)
-    with TemporaryDirectory() as work, alone():
+    with TemporaryDirectory() as work, torch_alone():
         return _from_vanilla(cell, c, into, settings, seed, box, workers, Path(work))
 
 
@@ -258,7 +258,7 @@ def _from_vanilla(
     ((name, variant),) = settings.negatives.items()
     with writing(folder):  # before it is needed, since the training takes long
         folder.mkdir(parents=True, exist_ok=True)
-    run = Run(name, number(seed, f"gan {name}"), work)
+    run = TrainingRun(name, number(seed, f"gan {name}"), work)
     vanilla = _followed(cell, variant, c, run, None, box if variant.generator.boxed else None).generator
     return pretrain(cell, c, vanilla, settings, folder, seed=seed, workers=workers)
 
@@ -287,7 +287,12 @@ def pretrain(
 
 
 def _followed(
-    cell: Cell, variant: Variant, seeds: Array | None, run: Run, surrogates: Path | None, box: float | None
+    cell: Cell,
+    variant: Variant,
+    seeds: Array | None,
+    run: TrainingRun,
+    surrogates: Path | None,
+    box: float | None,
 ) -> Trained:
     """A training as by ``trained``, with its progress on the terminal or in the log."""
     with bar(f"epochs of {run.name}", variant.epochs) as show:
@@ -299,7 +304,7 @@ def trained(
     cell: Cell,
     variant: Variant,
     seeds: Array | None,
-    run: Run,
+    run: TrainingRun,
     *,
     surrogates: Path | None = None,
     box: float | None = None,

@@ -10,13 +10,13 @@ import torch
 from sidegan.base.typed import changed
 from sidegan.design.problem import Problem
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.networks import Generator
+from sidegan.gan.networks import DenseGenerator
 from sidegan.gan.pretraining import SHARES, Labelled, Pretraining, load_surrogates
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Refresh, Weights
 from sidegan.gan.side_gan import Data
 from sidegan.gan.tensors import tensor
-from sidegan.gan.training import Run, random_trajectories, train
+from sidegan.gan.training import TrainingRun, random_trajectories, train_variant
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 from tests.tiny import tiny
@@ -41,7 +41,7 @@ def untrained(arm, family, start, limited=False, box=None, corrections=0):
     """A generator that starts as the Gaussian of some trajectories."""
     torch.manual_seed(0)
     start = tensor(start)
-    network, scaling = Generator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
+    network, scaling = DenseGenerator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
     return TrajectoryGenerator(
         network, scaling, family, arm, limited=limited, box=box, corrections=corrections
@@ -138,7 +138,7 @@ def trained(data):
     def run(variant, work, seed=1, data=data, **options):
         if not variant.seeded:
             data = replace(data, seeds=random_trajectories(data.constraints, data.trajectory, seed))
-        return train(variant, data, Run("small", seed, work, **{"evaluation": 20, **options}))
+        return train_variant(variant, data, TrainingRun("small", seed, work, **{"evaluation": 20, **options}))
 
     return run
 

@@ -8,7 +8,7 @@ import torch
 
 from sidegan.errors import ArtifactError, ShapeError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.networks import Generator
+from sidegan.gan.networks import DenseGenerator
 from sidegan.robot import load_robot
 from tests.gan.conftest import random, untrained
 from tests.validity.critical import limited
@@ -98,7 +98,7 @@ def images_of(count, shape, rank=None):
 def test_a_gaussian_start_has_mean_and_covariance_of_the_images(noise, rank):
     torch.manual_seed(0)
     images = images_of(400, (2, 2, 3), rank)
-    network = Generator(2, 3, noise, width=32, shortcut=True)
+    network = DenseGenerator(2, 3, noise, width=32, shortcut=True)
     network.start_from(images)
     with torch.no_grad():
         z = network.draw(100_000)

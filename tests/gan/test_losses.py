@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from sidegan.gan.losses import Batch, common_offset, missing_distance, missing_rank
-from sidegan.gan.scaling import Box
+from sidegan.gan.scaling import CoefficientBox
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.tensors import tensor
 from sidegan.gan.training import random_trajectories
@@ -127,7 +127,7 @@ def test_what_seeds_have_in_common_is_allowed_only_as_far_as_it_is_little(common
 
 def test_coefficients_pushed_against_the_box_are_drawn_back(made, full):
     model = made(full)
-    model.generator.box, bias = Box(0.2), model.generator.network.shortcut.bias
+    model.generator.box, bias = CoefficientBox(0.2), model.generator.network.shortcut.bias
     with torch.no_grad():
         bias += 20.0
     batch, (*_, offset) = model(50), model.floors

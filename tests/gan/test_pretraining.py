@@ -12,7 +12,7 @@ from sidegan.design.excitation import excite
 from sidegan.errors import ArtifactError
 from sidegan.gan.pretraining import Labelled, Pretraining, label, load_surrogates, scaled_margins
 from sidegan.gan.settings import Reward
-from sidegan.gan.tensors import array, tensor
+from sidegan.gan.tensors import numpy_array, tensor
 from sidegan.gan.training import Refreshed
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, check
@@ -23,7 +23,7 @@ from tests.tiny import tiny
 def test_margins_are_the_constraints_in_shares_of_their_limits(arm):
     constraints, steps = Constraints(arm, [Plane((0, 0, 1), 0.1)]), 9
     family = Trajectory(7, 3, 12.0)
-    c = array(normal(family, 0, 0.7, 4))
+    c = numpy_array(normal(family, 0, 0.7, 4))
     found = scaled_margins(constraints, family, c, steps)
     assert found.shape == (4, len(constraints.labels), steps) and found.dtype == np.float32
     motion = family.roll_out(c, family.grid(steps))

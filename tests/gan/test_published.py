@@ -22,7 +22,7 @@ from sidegan.gan.published import (
 from sidegan.gan.side_gan import Data
 from sidegan.gan.surrogates import scores
 from sidegan.gan.tensors import read_tensors
-from sidegan.gan.training import Run, train
+from sidegan.gan.training import TrainingRun, train_variant
 from sidegan.gan.variants import PublishedEigen, unevenness
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeding.published import WEIGHTS, Layout, PublishedSeeds
@@ -54,8 +54,8 @@ def papers(arm):
 def trained(papers, variant, work, folder=None, samples=0):
     constraints, c = papers
     known = load_surrogates(folder, variant, constraints.arm, FAMILY) if folder else ()
-    run = Run("small", 0, work, evaluation=10, samples=samples)
-    return train(variant, Data(constraints, FAMILY, c, *known), run)
+    run = TrainingRun("small", 0, work, evaluation=10, samples=samples)
+    return train_variant(variant, Data(constraints, FAMILY, c, *known), run)
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +101,7 @@ def test_unsupported_shapes_and_options_are_refused(variants, planar, tmp_path):
     family = Trajectory(2, 3, 8.0)
     data = Data(Constraints(planar), family, np.random.default_rng(0).random((9, *family.shape)))
     with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):
-        train(variants["vanilla"], data, Run("x", 0, tmp_path))
+        train_variant(variants["vanilla"], data, TrainingRun("x", 0, tmp_path))
     for option, value in {"gaussian_start": True, "corrections": 1}.items():
         with pytest.raises(ConfigError, match=f"a convolutional generator has no {option}: set it to"):
             changed(variants["eigen"], {"generator": {option: value}})

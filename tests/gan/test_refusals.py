@@ -8,7 +8,7 @@ import pytest
 from sidegan.base.typed import build
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError, SideganError
 from sidegan.gan.settings import GeneratorSettings, Variant
-from sidegan.gan.training import Run, random_trajectories, train
+from sidegan.gan.training import TrainingRun, random_trajectories, train_variant
 from sidegan.validity import Constraints, Plane
 from tests.gan.conftest import NONE, REFRESH
 from tests.refusals import refused
@@ -81,7 +81,11 @@ def test_a_variant_made_in_python_is_refused_alike(vanilla, settings):
 )
 def test_impossible_trainings_are_refused(vanilla, data, error, words, change, spoil, tmp_path):
     with pytest.raises(error, match=words):
-        train(replace(vanilla, **change), replace(data, seeds=spoil(data.seeds)), Run("small", 0, tmp_path))
+        train_variant(
+            replace(vanilla, **change),
+            replace(data, seeds=spoil(data.seeds)),
+            TrainingRun("small", 0, tmp_path),
+        )
 
 
 def test_an_arm_that_cannot_move_is_refused(planar, family):

@@ -5,8 +5,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.gan.scaling import Box, LimitLayer, Scaling
-from sidegan.gan.tensors import array
+from sidegan.gan.scaling import CoefficientBox, LimitLayer, Scaling
+from sidegan.gan.tensors import numpy_array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, load_robot
 from sidegan.validity import Constraints, check
@@ -64,7 +64,7 @@ def hold(arm, family, c, names):
 def test_limits_hold_for_any_input(names, seed, scale, share, period, home, harmonics):
     family, arm = Trajectory(2, harmonics, period, (home, -home)), limited(ARM, sorted(names), 10**share)
     c = LimitLayer(arm, family)(normal(family, seed, 10**scale))
-    assert hold(arm, family, array(c), names)
+    assert hold(arm, family, numpy_array(c), names)
 
 
 def test_the_tightest_limit_is_fully_used_and_small_motions_unchanged():
@@ -76,7 +76,7 @@ def test_the_tightest_limit_is_fully_used_and_small_motions_unchanged():
     assert (used <= 1).all() and (used > 0.999).all()
     times = np.linspace(0, 8, 20_001)
     shares = [
-        np.abs(family.derivative(array(c), times, DERIVATIVE_ORDER[name])).max(1) / limit
+        np.abs(family.derivative(numpy_array(c), times, DERIVATIVE_ORDER[name])).max(1) / limit
         for name, limit in arm.higher_limits.items()
     ]
     most = np.max(shares, 0)
@@ -92,7 +92,7 @@ def test_the_gradient_is_finite_at_rest_and_far_out():
 
 @given(st.floats(1e-3, 10), st.floats(-4, 6), st.integers(0, 10_000))
 def test_the_box_holds_for_any_input_and_is_inverted_inside(size, scale, seed):
-    family, box = Trajectory(2, 4, 8.0), Box(size)
+    family, box = Trajectory(2, 4, 8.0), CoefficientBox(size)
     free = normal(family, seed, size * 10**scale)
     c = box(free)
     assert c.double().abs().max() <= size

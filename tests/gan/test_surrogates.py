@@ -9,7 +9,7 @@ import torch
 from sidegan.gan.networks import RollOut
 from sidegan.gan.pretraining import scaled_margins
 from sidegan.gan.surrogates import Converter, SuccessPredictor
-from sidegan.gan.tensors import array
+from sidegan.gan.tensors import numpy_array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints
@@ -23,7 +23,7 @@ def test_input_channels_are_the_exact_motion(arm):
     network = RollOut(arm, family, steps)
     channels = network(c)
     assert channels.shape == (6, network.channels, steps)
-    motion = family.roll_out(array(c), family.grid(steps * fine))
+    motion = family.roll_out(numpy_array(c), family.grid(steps * fine))
     middle = (arm.position_lower + arm.position_upper) / 2
     used = (motion.position - middle) / (arm.position_upper - middle)
     rate = motion.velocity / arm.velocity_limit
@@ -44,7 +44,7 @@ def test_margins_of_linear_constraints_are_exact(name, higher):
     arm = limited(load_robot(name), higher, 0.1)
     family, constraints = Trajectory(arm.joints, 3, 8.0), Constraints(arm)
     predictor, c = SuccessPredictor(arm, family, len(constraints.labels), 8, 400), normal(family, 5, 0.1, 20)
-    found, exact = array(predictor.margins(c)), scaled_margins(constraints, family, array(c), 400)
+    found, exact = numpy_array(predictor.margins(c)), scaled_margins(constraints, family, numpy_array(c), 400)
     assert exact.shape == found.shape == (20, len(constraints.labels), 400)
     for k in range(2 + len(higher)):
         predicted, other = (x[:, k].min(1) for x in (found, exact))

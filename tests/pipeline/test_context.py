@@ -8,7 +8,7 @@ import pytest
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.baselines import long_family
-from sidegan.pipeline.stages.replication import replication, sums
+from sidegan.pipeline.stages.replication import regression_sums, replication
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import whole_sets
 from sidegan.pipeline.store import Store
@@ -103,7 +103,7 @@ def test_stamps_are_unique_and_shared_across_variants_and_trainings(stamps):
 def test_readings_share_measurements(context):
     """The seeds' measurements are as noisy in the reading of seeds as where all are."""
     made, names = context(experiment="exp2"), ("all", "seeds", "torques", "seeds_states")
-    digests = ([sums(made, pool, name).digest for pool in whole_sets(made)] for name in names)
+    digests = ([regression_sums(made, pool, name).digest for pool in whole_sets(made)] for name in names)
     both, seeds, torques, states = digests
     assert both[0] == seeds[0] == states[0] and both[1] != seeds[1]
     assert not {*torques} & {*both} and states[1:] == torques[1:]

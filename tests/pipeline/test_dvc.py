@@ -65,7 +65,7 @@ def test_every_stage_is_run_from_files_that_are_there(pipeline):
 
 
 def test_every_stage_runs_again_when_a_setting_is_edited(pipeline):
-    """Any file of conf/, and any dataclass, may hold a number that a stage reads; digests make a needless run short."""
+    """Any file of conf/ and any dataclass may hold a number that a stage reads; a needless run is short."""
     folder, written = pipeline
     settings, *others = written["stages"].values()
     edited = [*(ROOT / "conf").rglob("*.yaml"), *(ROOT / "sidegan").rglob("settings.py")]

@@ -177,7 +177,7 @@ def test_of_two_concurrent_runs_one_builds_and_one_waits(store, beside, monkeypa
         if "waiting for it" in text:
             beside[1].set()
 
-    monkeypatch.setattr(stores.log, "info", note)
+    monkeypatch.setattr(stores._log, "info", note)
     folder = store.produce(numbers(make=refuse))
     assert (folder / "numbers.txt").read_text() == "1 2 3" and "another run is making" in said[0]
 

@@ -21,7 +21,7 @@ from sidegan.pipeline.artifact import Build
 from sidegan.pipeline.context import EXPECTED, FACTS, LIBRARY, RESULTS, RunContext
 from sidegan.pipeline.stages.baselines import random_set, random_valid
 from sidegan.pipeline.stages.identification import identification, plant
-from sidegan.pipeline.stages.replication import compared, replication, sums
+from sidegan.pipeline.stages.replication import compared_sets, regression_sums, replication
 from sidegan.pipeline.stages.selection import ExcitationSet
 from sidegan.pipeline.store import Store
 from tests.golden.make import draw
@@ -105,8 +105,8 @@ def identified(context):
 
 
 def replicated(context):
-    for pool in compared(context):
-        context.store.produce(sums(context, pool, "all"))
+    for pool in compared_sets(context):
+        context.store.produce(regression_sums(context, pool, "all"))
     return means(context, replication(context, "all"), (RESULTS, FACTS))
 
 

@@ -24,7 +24,7 @@ from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.seeds import make
-from sidegan.seeding import Gradient, make_long, recipe
+from sidegan.seeding import Gradient, make_long, seeds_recipe
 
 REACH = 0.8  # share of its tightest joint limit that a random trajectory uses
 _TRIES = 1000  # most draws per random trajectory
@@ -153,7 +153,7 @@ def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
 
 def gradient_set(run: RunContext) -> Artifact:
     """Short trajectories by the optimiser of the single long one, to pick a set from."""
-    method = recipe(GRADIENT, count=_CHOICE * run.cfg.selection.count)
+    method = seeds_recipe(GRADIENT, count=_CHOICE * run.cfg.selection.count)
     other = run.with_settings(seeds=method)
     return other.artifact("short", GRADIENT, make, method.stamped(), title="short", alone=True)
 

@@ -16,7 +16,7 @@ from sidegan.base.storage import write_parquet
 from sidegan.design.fidelity import distance_to
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
-from sidegan.gan.metrics import measure
+from sidegan.gan.metrics import measure_samples
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import RESULTS, RunContext
 from sidegan.pipeline.stages import Stage
@@ -56,7 +56,7 @@ def _estimate(run: RunContext, build: Build) -> None:
         drawn = estimate.resample(run.cfg.discussion.draws, random)
         c = np.ascontiguousarray(drawn.T).reshape(-1, *seeds.shape[1:])
         row = {"bandwidth": bandwidth, "factor": float(estimate.factor), "from_seed": distance_to(c, seeds)}
-        rows.append(row | measure(run.cell.constraints, run.cell.trajectory, c, seeds))
+        rows.append(row | measure_samples(run.cell.constraints, run.cell.trajectory, c, seeds))
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
 
 

@@ -35,7 +35,7 @@ _SLOWLY = "First slowly: the same set at a quarter of the speed, with a path fro
 _LOG = "Log positions and torques or currents throughout, run the whole set at least twice; then:"
 _ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
 _GOAL = "control_msgs/action/FollowJointTrajectory"
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 def _show(run: RunContext, tracker: Tracker) -> None:
@@ -56,7 +56,7 @@ def _show(run: RunContext, tracker: Tracker) -> None:
         slowed.view(view, cfg.controllers.rate, _next_steps(run, durations))
         tracker.log_artifact(view, "view")
     except ArtifactError as error:  # the trajectories are written: the page is optional
-        log.warning("there is no %s: %s", VIEW, error)
+        _log.warning("there is no %s: %s", VIEW, error)
     caption = [
         f"{counted(len(slowed), 'trajectory', 'trajectories')} of {slowed.family.period:g} s, condition of "
         f"the set {plain(slowed.condition)}, for controllers ({', '.join(cfg.controllers.formats)}{pace}) in "
@@ -70,7 +70,7 @@ def _show(run: RunContext, tracker: Tracker) -> None:
     table = slowed.demands(cfg.controllers.rate)
     publish(table, folder / SET, "\n".join(filter(None, caption)), tracker)
     for doubt in chosen.warnings:
-        log.warning("%s", doubt)
+        _log.warning("%s", doubt)
     if cfg.controllers.rehearse:
         title = f"The set in MuJoCo, with servos, friction and rotors of plant{pace}"
         publish(_rehearsed(run, slowed), folder / REHEARSAL, title, tracker)

@@ -21,7 +21,7 @@ from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
 from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.baselines import prediction, test_trajectories
-from sidegan.pipeline.stages.selection import ExcitationSet, alone, excitation_sets, picked
+from sidegan.pipeline.stages.selection import ExcitationSet, excitation_sets, generated_alone, picked
 from sidegan.plant.recorded import recorded
 from sidegan.plant.varied import VariedPlant
 from sidegan.report.tables import arrow
@@ -93,7 +93,9 @@ def _execute(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
 
 STAGES = {
     "identification": Stage(
-        lambda run: [identification(run, each) for each in [*excitation_sets(run), *picked(run, alone(run))]]
+        lambda run: [
+            identification(run, each) for each in [*excitation_sets(run), *picked(run, generated_alone(run))]
+        ]
     ),
     "plant": Stage(
         lambda run: [plant(run, each) for each in excitation_sets(run)],

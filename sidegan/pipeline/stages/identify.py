@@ -34,7 +34,7 @@ from sidegan.robot import Arm, describe_doubtful_links
 from sidegan.steps import identify as steps
 
 _UNITS = ["kg", *["m"] * 3, *["kg·m²"] * 6]  # of a load's values
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 def model(run: RunContext) -> Artifact:
@@ -126,13 +126,13 @@ def _show(run: RunContext, tracker: Tracker) -> None:
             tracker.log_artifact(path, "identify")
     verdict = read_json(folder / VERDICT)
     error, kind = verdict["validation"]["nmse_mean"], verdict["validation"]["kind"]
-    log.info("%s, %s: mean nMSE %.4g (%s)", verdict["robot"], verdict["verdict"], error, kind)
+    _log.info("%s, %s: mean nMSE %.4g (%s)", verdict["robot"], verdict["verdict"], error, kind)
     biased = [line for line in verdict["left_over"] if line.endswith(BIASED)]
     for line in (verdict["advice"], *verdict["reasons"], *verdict["modelled"], *biased):
-        log.info("  %s", line)
+        _log.info("  %s", line)
     errors = [f"{name} {errors['nmse_mean']:.4g}" for name, errors in verdict["files"].items()]
-    log.info("  mean nMSE of each file, read again: %s", ", ".join(errors))
-    log.info("report: %s", target / REPORT)
+    _log.info("  mean nMSE of each file, read again: %s", ", ".join(errors))
+    _log.info("report: %s", target / REPORT)
 
 
 def _show_check(run: RunContext, tracker: Tracker) -> None:
@@ -181,7 +181,7 @@ def _show_payload(run: RunContext, tracker: Tracker) -> None:
         f"{values[0]:.3f} ± {deviation[0]:.1g} kg, centre of mass ({place}) m in the frame of {found.link}"
     )
     none = f"none that can be detected ({values[0]:.2g} ± {deviation[0]:.1g} kg)"
-    log.info("load: %s", words if found.certain else none)
+    _log.info("load: %s", words if found.certain else none)
 
 
 def _show_gains(run: RunContext, tracker: Tracker) -> None:
@@ -201,14 +201,14 @@ def _show_gains(run: RunContext, tracker: Tracker) -> None:
     table = pd.DataFrame(shown, pd.Index(arm.joint_names, name="joint"))
     publish(table, folder / "gains", f"Drive gains of {arm.name} (load: {cfg.load.mass:g} kg)", tracker)
     for doubt in (doubts := found.doubts(arm)):
-        log.warning("robot.gains cannot be set: %s", doubt)
+        _log.warning("robot.gains cannot be set: %s", doubt)
     if not doubts:
-        log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))
+        _log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))
 
 
 def _warn_doubtful_links(run: RunContext) -> None:
     if doubtful := describe_doubtful_links(_recorded_arm(run)):
-        log.warning("%s; identification starts from the nearest possible ones", doubtful)
+        _log.warning("%s; identification starts from the nearest possible ones", doubtful)
 
 
 STAGES = {

@@ -28,7 +28,7 @@ _OF_EACH = ("seeds", "surrogates", "gan", "library", "random", "measures")  # st
 _SMALLEST = 1e-6  # lower bound of a joint's torque, as a share of the largest joint's
 
 
-def pools(run: RunContext) -> list[Pool]:
+def measured_pools(run: RunContext) -> list[Pool]:
     """The sets to measure: the baselines, the seeds, and each generator's library."""
     return [*(Pool(name, None, (made,)) for name, made in baselines(run).items()), *whole_sets(run)]
 
@@ -101,6 +101,6 @@ def _check_varied(run: RunContext) -> None:
 
 
 STAGES = {
-    "measures": Stage(lambda run: [measures(run, pool) for pool in pools(run)]),
+    "measures": Stage(lambda run: [measures(run, pool) for pool in measured_pools(run)]),
     "variations": Stage(_varied, check=_check_varied),
 }

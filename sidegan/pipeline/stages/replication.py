@@ -46,13 +46,13 @@ class Replication:
         return cls(noise, 1 if noise.exact else settings.draws(reading), 1)
 
 
-def compared(run: RunContext) -> list[Pool]:
+def compared_sets(run: RunContext) -> list[Pool]:
     """The seeds, each generator's library, and the controls."""
     controls = {RANDOM: random_set(run), COPIES: seed_set(run)}
     return [*whole_sets(run), *(Pool(name, None, (made,)) for name, made in controls.items())]
 
 
-def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
+def regression_sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
     """Sums over the measurements of a whole set; readings that measure it the same way share them."""
     measured = Replication.of(run, pool, reading)
     settings = asdict(measured) | {"rate": run.cfg.identification.rate}
@@ -67,7 +67,10 @@ def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
 
 def replication(run: RunContext, reading: Reading) -> Artifact:
     """Errors of identification from each combination of whole sets, under a reading."""
-    inputs = {f"{pool.name} {pool.training or 0}": sums(run, pool, reading) for pool in compared(run)}
+    inputs = {
+        f"{pool.name} {pool.training or 0}": regression_sums(run, pool, reading)
+        for pool in compared_sets(run)
+    }
     settings = asdict(run.cfg.identification) | asdict(run.cfg.replication)
     settings |= {"repeats": run.cfg.replication.draws(reading), "reading": reading}
     del settings["readings"], settings["others"]
@@ -78,7 +81,7 @@ def replication(run: RunContext, reading: Reading) -> Artifact:
 
 def draws(run: RunContext, pool: Pool, reading: Reading) -> list[list[Sums]]:
     """Sums over a whole set by noise realisation and replica."""
-    found = _read(run.store.require(sums(run, pool, reading)) / SUMS)
+    found = _read(run.store.require(regression_sums(run, pool, reading)) / SUMS)
     replicas = Replication.of(run, pool, reading).replicas
     repeats = [found[i : i + replicas] for i in range(0, len(found), replicas)]
     return repeats * (run.cfg.replication.repeats if len(repeats) == 1 else 1)
@@ -127,7 +130,7 @@ def _combine(run: RunContext, build: Build, reading: Reading) -> None:
     settings = run.cfg.replication
     tests = (run.cell.trajectory, test_trajectories(run))
     study = replace(run.cfg.identification, noise=settings.of_seeds(reading))
-    seeds, *others = ((pool, draws(run, pool, reading)) for pool in compared(run))
+    seeds, *others = ((pool, draws(run, pool, reading)) for pool in compared_sets(run))
     tables: list[tuple[pd.DataFrame, ...]] = []
     for repeat in range(settings.draws(reading)):
         first = seeds[1][repeat]
@@ -156,7 +159,7 @@ def _fitted_norm(sums: Sums, seeds: Sums) -> float:
 def _replications(run: RunContext) -> Iterator[Artifact]:
     yield random_set(run)
     for reading in run.cfg.replication.readings:
-        yield from (sums(run, pool, reading) for pool in compared(run))
+        yield from (regression_sums(run, pool, reading) for pool in compared_sets(run))
         yield replication(run, reading)
 
 

@@ -20,7 +20,7 @@ from sidegan.steps.seeds import optimised
 from sidegan.validity import summarise_faults
 
 FEATURES = "features.npz"  # the authors' features of their seeds
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 def seed_set(run: RunContext) -> Artifact:
@@ -51,7 +51,7 @@ def _read(run: RunContext, build: Build) -> None:
     found += f"; of the others, {summarise_faults(faults)}" if faults else ""
     if not len(valid):
         raise InfeasibleError(found)
-    log.info("%s", found)
+    _log.info("%s", found)
     valid.save(build.folder / LIBRARY)
     features = run.cfg.seeds.published.features()
     if features is not None and len(features) >= len(seeds):
@@ -91,7 +91,7 @@ def make(run: RunContext, build: Build) -> None:
     if batch is None:
         batch = optimised(run.cell, settings, run.cfg.seed, build.work, run.cfg.parallel.workers)
     else:
-        log.info("the first %d seeds of %s, made by these settings before", len(batch), settings.shipped)
+        _log.info("the first %d seeds of %s, made by these settings before", len(batch), settings.shipped)
     library = measured(run.cell.constraints, run.cell.trajectory, batch.coefficients, settings.method)
     library.save(build.folder / LIBRARY)
     build.costs["cpu_seconds"] = batch.cpu_seconds

@@ -110,7 +110,7 @@ def selection(run: RunContext, pool: Pool) -> Artifact:
     return run.artifact("selection", label, make, run.cfg.selection, pool.inputs, training=pool.training)
 
 
-def alone(run: RunContext) -> list[Pool]:
+def generated_alone(run: RunContext) -> list[Pool]:
     """Each generator's library without the seeds, as a pool to pick from."""
     return [Pool(f"{pool.name}-alone", pool.training, pool.parts) for pool in whole_sets(run)[1:]]
 
@@ -139,5 +139,5 @@ def _pick(run: RunContext, build: Build, pool: Pool) -> None:
 
 STAGES = {
     "library": Stage(lambda run: [library(run, name, k) for name, k in generators(run)]),
-    "selection": Stage(lambda run: [selection(run, pool) for pool in [*pools(run), *alone(run)]]),
+    "selection": Stage(lambda run: [selection(run, pool) for pool in [*pools(run), *generated_alone(run)]]),
 }

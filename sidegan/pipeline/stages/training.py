@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # imports torch
     from sidegan.gan.generator import TrajectoryGenerator
 
 _CHECKED = 500  # trajectories per validity check
-SAMPLES = "samples.npz"  # of every epoch
+EPOCH_SAMPLES = "samples.npz"  # of every epoch
 _NEGATIVES_TRAINING = 0  # training of the generator whose samples the surrogates learn from
 
 
@@ -49,7 +49,7 @@ def generator(run: RunContext, name: str, training: int, variant: Variant | None
         inputs["seeds"] = seed_set(run)
         settings |= taught(run)
     if variant.features:
-        inputs["surrogates"] = surrogates(run)
+        inputs["surrogates"] = surrogate_networks(run)
     settings |= variant.stamped() | {"evaluation": run.cfg.evaluation, "box": box}
     samples = 0  # to keep of each epoch: published surrogates learn from a vanilla GAN's samples
     if variant.generator.network == "convolutional" and not variant.features:
@@ -66,7 +66,7 @@ def load_generator(run: RunContext, made: Artifact) -> "TrajectoryGenerator":
     return TrajectoryGenerator.load(run.store.require(made) / GENERATOR, run.cell.arm)
 
 
-def surrogates(run: RunContext) -> Artifact:
+def surrogate_networks(run: RunContext) -> Artifact:
     """Success predictor and converters."""
     chosen = run.cfg.surrogates
     settings = {key: x for key, x in asdict(chosen).items() if key != "negatives"} | taught(run)
@@ -81,7 +81,7 @@ def surrogates(run: RunContext) -> Artifact:
 
 def needed_surrogates(run: RunContext, variants: Iterable[Variant]) -> list[Artifact]:
     """The surrogates that variants learn from, and the generator that these learn from."""
-    return [negatives(run), surrogates(run)] if any(variant.features for variant in variants) else []
+    return [negatives(run), surrogate_networks(run)] if any(variant.features for variant in variants) else []
 
 
 def negatives(run: RunContext) -> Artifact:
@@ -104,14 +104,14 @@ def _train(
     box: float | None,
     samples: int,
 ) -> None:
-    from sidegan.gan.training import Run
+    from sidegan.gan.training import TrainingRun
     from sidegan.steps.train import trained
 
     seeds = training_seeds(run).coefficients if variant.seeded else None
     if seeds is not None:
         refuse_beyond(seeds, run.cfg.seeds.box)
-    folder = run.store.require(surrogates(run)) if variant.features else None
-    how = Run(
+    folder = run.store.require(surrogate_networks(run)) if variant.features else None
+    how = TrainingRun(
         name,
         run.number(f"gan {name}", training),
         build.work,
@@ -124,7 +124,7 @@ def _train(
     made = trained(run.cell, variant, seeds, how, surrogates=folder, box=box)
     made.generator.save(build.folder / GENERATOR)
     if samples:
-        write_arrays(build.folder / SAMPLES, {"images": made.samples})
+        write_arrays(build.folder / EPOCH_SAMPLES, {"images": made.samples})
     write_json(build.folder / HISTORY, [finite(row) for row in made.history])
     write_json(build.folder / REPORT, finite(made.history[-1]))
 
@@ -133,7 +133,7 @@ def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrog
     from sidegan.gan.published import PublishedPretraining, read_weights, write_converter
 
     seeds = training_seeds(run)
-    samples = read_arrays(run.store.require(negatives(run)) / SAMPLES)["images"]
+    samples = read_arrays(run.store.require(negatives(run)) / EPOCH_SAMPLES)["images"]
     published = run.store.require(seed_set(run)) / FEATURES
     diagonal = read_arrays(published)["diagonal"][: len(seeds)] if published.exists() else seeds.diagonal
     features = {"spectrum": seeds.spectrum, "diagonal": diagonal}
