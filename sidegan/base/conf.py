@@ -23,7 +23,7 @@ def defaults(kind: type) -> dict[str, Any]:
     for field in fields(kind):
         made = field.default if field.default_factory is MISSING else field.default_factory()
         if made is not MISSING:
-            values[field.name] = asdict(made) if is_dataclass(made) else made
+            values[field.name] = asdict(made) if is_dataclass(made) and not isinstance(made, type) else made
     return values
 
 

@@ -143,7 +143,7 @@ class SideGAN(pl.LightningModule):
             self._step(optimiser, losses.sum())
         for _ in range(self.settings.generator_steps):
             self._step(generator, self.generator_loss(len(rows)))
-        schedulers = self.lr_schedulers()
+        schedulers: Any = self.lr_schedulers()
         for scheduler in schedulers if isinstance(schedulers, list) else [schedulers]:
             scheduler.step()
 

@@ -279,7 +279,10 @@ class Config:
 
 def offer() -> None:
     """Offer the defaults of all groups to Hydra, before it composes."""
-    groups = {name: kind for name, kind in get_type_hints(Config).items() if is_dataclass(kind)}
+    groups: dict[str, type] = {}
+    for name, kind in get_type_hints(Config).items():
+        if is_dataclass(kind) and isinstance(kind, type):
+            groups[name] = kind
     offer_defaults(groups | DEFAULTS)
 
 
