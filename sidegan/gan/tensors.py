@@ -19,11 +19,8 @@ from sidegan.errors import ArtifactError
 
 _ZIP = b"PK\x03\x04"  # how torch's files begin, but for those of the oldest versions
 _training = threading.Lock()
-_MALLOC = {
-    -1: 2**31 - 1,
-    -2: 2**28,
-    -3: 2**30,
-}  # M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD of glibc [bytes]
+# Of glibc [bytes]: M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD.
+_MALLOC = {-1: 2**31 - 1, -2: 2**28, -3: 2**30}
 
 if limited():  # torch is imported inside a block of ``on_threads``
     torch.set_num_threads(threads())
