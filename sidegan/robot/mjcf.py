@@ -53,9 +53,10 @@ def read_mjcf(path: Path) -> Source:
             _write_joints(root, model, body)
     _write_limits(root, spec, model, forces)
     _write_constraints(root, spec, model, forces)
-    for pair in spec.excludes:
-        bodies = {"link1": pair.bodyname1, "link2": pair.bodyname2}
-        ET.SubElement(root, "disable_collisions", bodies, reason="contact exclude")
+    names = {body.id: body.name for body in spec.bodies}
+    for pair in model.exclude_signature.tolist():  # two bodies in one number
+        one, other = (names[body] for body in divmod(pair, 1 << 16))
+        ET.SubElement(root, "disable_collisions", link1=one, link2=other, reason="contact exclude")
     return Source(
         text=ET.tostring(root, encoding="utf-8"),
         root=root,
@@ -161,11 +162,11 @@ def _write_joint(root: ET.Element, name: str, kind: str, parent: str, child: str
 
 def _write_limits(root: ET.Element, spec: mujoco.MjSpec, model: mujoco.MjModel, forces: Forces) -> None:
     """Write the axes, dynamics and limits of revolute and prismatic joints."""
-    elements = {element.get("name"): element for element in root.findall("joint")}
     available = efforts(spec, model)
-    for name, number in ((joint.name, joint.id) for joint in spec.joints if _KINDS[joint.type] != "floating"):
-        joint = model.joint(number)
-        element = elements[name]
+    names = {joint.name: joint.id for joint in spec.joints if _KINDS[joint.type] != "floating"}
+    for element in (element for element in root.findall("joint") if element.get("name") in names):
+        name = element.get("name", "")
+        joint = model.joint(names[name])
         ET.SubElement(element, "axis", xyz=words(joint.axis))
         stated = {"damping": joint.damping, "friction": joint.frictionloss, "armature": joint.armature}
         ET.SubElement(element, "dynamics", {what: words(x[:1]) for what, x in stated.items()})
@@ -174,8 +175,9 @@ def _write_limits(root: ET.Element, spec: mujoco.MjSpec, model: mujoco.MjModel, 
             if name in joints:
                 limit.set("not_read", motor)
         if joint.limited:
-            lower, upper = words(joint.range).split()
-            limit.attrib |= {"lower": lower, "upper": upper}
+            lower, upper = joint.range.tolist()
+            limit.set("lower", repr(lower))
+            limit.set("upper", repr(upper))
         elif element.get("type") == "revolute":
             element.set("type", "continuous")
 
@@ -185,13 +187,11 @@ def _write_constraints(root: ET.Element, spec: mujoco.MjSpec, model: mujoco.MjMo
     joints = {element.get("name"): element for element in root.findall("joint")}
     for equality in (equality for equality in spec.equalities if equality.active):
         if equality.type == mujoco.mjtEq.mjEQ_JOINT and equality.name2:
-            follower, leader = model.joint(equality.name1), model.joint(equality.name2)
-            offset, factor = equality.data[
-                :2
-            ].tolist()  # between the joints' ways from where they are described
-            offset += float(follower.qpos0[0] - factor * leader.qpos0[0])
-            mimic = {"joint": leader.name, "multiplier": repr(factor), "offset": repr(offset)}
-            ET.SubElement(joints[follower.name], "mimic", mimic)
+            offset, factor = equality.data.tolist()[:2]  # between displacements from qpos0
+            follower, leader = (model.joint(name).qpos0.item() for name in (equality.name1, equality.name2))
+            mimic = ET.SubElement(joints[equality.name1], "mimic", joint=equality.name2)
+            mimic.set("multiplier", repr(factor))
+            mimic.set("offset", repr(follower + offset - factor * leader))
             continue
         for bodies in _tied(spec, equality, forces):
             loop = ET.SubElement(root, "loop_joint", name=equality.name)

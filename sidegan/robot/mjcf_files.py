@@ -4,7 +4,6 @@ import logging
 import warnings
 from collections import defaultdict
 from pathlib import Path
-from typing import NamedTuple
 
 import mujoco
 
@@ -16,68 +15,56 @@ _log = logging.getLogger(__name__)
 Lost = dict[str, list[str]]  # missing mesh files by body
 
 
-class Compiled(NamedTuple):
-    """An MJCF as MuJoCo reads it; an element of the specification has its number in the model as ``id``."""
+def compile_mjcf(path: Path) -> tuple[mujoco.MjSpec, mujoco.MjModel, Lost, Lost]:
+    """A file's specification and model, and missing meshes: those that collide, and those only shown.
 
-    spec: mujoco.MjSpec  # elements without a name have their kind and number as one
-    model: mujoco.MjModel
-    colliding: Lost  # left out
-    shown: Lost  # left out, too, and of no use for collisions
-
-
-def compile_mjcf(path: Path) -> Compiled:
-    """An MJCF, compiled; MuJoCo's warnings are logged.
+    Elements without a name get one; their ``id`` is their number in the model. MuJoCo's warnings are logged.
 
     Raises:
-        RobotError: when MuJoCo refuses it, with its words.
+        RobotError: when MuJoCo refuses the file.
     """
+    colliding: Lost = {}
+    shown: Lost = {}
     try:
         with mujoco_logged(path, logging.WARNING), warnings.catch_warnings(record=True) as issued:
             warnings.simplefilter("always")
             spec = mujoco.MjSpec.from_file(str(path))
             _remove_textures(spec)
             try:
-                found = Compiled(spec, spec.compile(), {}, {})
+                model = spec.compile()
             except ValueError:
-                lost = _remove_lost_meshes(spec)
-                found = Compiled(spec, spec.compile(), *lost)
+                colliding, shown = _remove_lost(spec)
+                model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise RobotError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
     for warning in issued:
         _log.warning("%s: %s", path, warning.message)
     _name_all(spec)
-    return found
+    return spec, model, colliding, shown
 
 
 def _remove_textures(spec: mujoco.MjSpec) -> None:
-    """Remove what only a picture needs, and whose files may be missing."""
+    """Remove what only pictures need, and whose files may be missing."""
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
     for texture in spec.textures:
         spec.delete(texture)
 
 
-def _remove_lost_meshes(spec: mujoco.MjSpec) -> tuple[Lost, Lost]:
-    """Remove meshes without a file and their shapes, unless a body's mass depends on one.
-
-    Returns the missing files of shapes that collide, and of those only shown.
-    """
+def _remove_lost(spec: mujoco.MjSpec) -> tuple[Lost, Lost]:
+    """Remove meshes whose files are missing, and their shapes, unless a body's mass depends on one."""
     folder = Path(spec.modelfiledir, spec.meshdir)
-    meshes = {
-        mesh.name or Path(mesh.file).stem: mesh
-        for mesh in spec.meshes
-        if mesh.file and not is_there(folder / mesh.file)
-    }
+    absent = [mesh for mesh in spec.meshes if mesh.file and not is_there(folder / mesh.file)]
+    files = {mesh.name or Path(mesh.file).stem: mesh.file for mesh in absent}
+    geoms = [geom for geom in spec.geoms if geom.meshname in files]
     colliding, shown = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
-    geoms = [geom for geom in spec.geoms if geom.meshname in meshes]
     if any(_weighs(spec, geom) for geom in geoms):
         return {}, {}
     for geom in geoms:
         where = colliding if geom.contype or geom.conaffinity else shown
-        where[geom.parent.name].append(meshes[geom.meshname].file)
-        spec.delete(geom)
-    for mesh in meshes.values():
-        spec.delete(mesh)
+        where[geom.parent.name].append(files[geom.meshname])
+    for element in (*geoms, *absent):
+        spec.delete(element)
     return dict(colliding), dict(shown)
 
 
@@ -91,16 +78,8 @@ def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
 
 
 def _name_all(spec: mujoco.MjSpec) -> None:
-    """Name elements that have no name."""
-    kinds = {
-        "body": spec.bodies,
-        "joint": spec.joints,
-        "geom": spec.geoms,
-        "tendon": spec.tendons,
-        "actuator": spec.actuators,
-        "equality": spec.equalities,
-        "key": spec.keys,
-    }
-    for kind, elements in kinds.items():
-        for element in elements:
-            element.name = element.name or f"{kind}_{element.id}"
+    """Name elements without a name by their kind and number."""
+    named = spec.bodies, spec.joints, spec.geoms, spec.tendons, spec.actuators, spec.equalities, spec.keys
+    for element in (element for elements in named for element in elements):
+        kind = type(element).__name__.removeprefix("Mjs").lower()
+        element.name = element.name or f"{kind}_{element.id}"
