@@ -12,51 +12,52 @@ _MOTORS = [  # gain, bias and dynamics of actuators whose control range bounds t
 ]
 _UNLIMITED = -np.inf, np.inf
 _SMALL = 1e-9  # moment arm or torque that is rounding
-Joints = frozenset[str]  # names
 
 
 class Forces:
-    """What acts on joints, and on which: MuJoCo's moment arms and forces at a random posture.
+    """What acts on which joints, by MuJoCo's moment arms and forces at a random posture.
 
     Attributes:
-        tendons: the joints that each tendon moves, by its name.
-        motors: those that motors of limited force move that are not on a joint, by these in words.
-        passive: those on which other forces act that are not read, by these in words.
+        tendons: names of the joints that each tendon moves, by its name.
+        motors: of those that motors of limited force move that are not on a joint, by these in words.
+        passive: of those on which other forces act that are not read, by these in words.
     """
 
     def __init__(self, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
-        names = np.array([joint.name for joint in sorted(spec.joints, key=lambda joint: joint.id)])
+        names = {joint.id: joint.name for joint in spec.joints}
 
-        def moved(force: Array) -> Joints:
-            return frozenset(names[model.dof_jntid[np.abs(force) > _SMALL]].tolist())
+        def joints(force: Array) -> frozenset[str]:
+            acted = model.dof_jntid[np.abs(force) > _SMALL].tolist()
+            return frozenset(names[joint] for joint in acted)
 
         data = mujoco.MjData(model)
         data.qpos[:] = np.random.default_rng(0).uniform(-1, 1, model.nq)
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         mujoco.mj_fwdPosition(model, data)
-        tendons, motors = np.zeros((model.nv, model.ntendon)), np.zeros((model.nv, model.nu))
+        tendons, motors = (np.zeros((model.nv, len(x))) for x in (data.ten_velocity, data.actuator_velocity))
         for dof in range(model.nv):  # moved alone, at unit speed
             data.qvel[:] = np.arange(model.nv) == dof
             mujoco.mj_fwdVelocity(model, data)
             tendons[dof], motors[dof] = data.ten_velocity, data.actuator_velocity
         data.qvel[:] = 1
         mujoco.mj_fwdVelocity(model, data)
-        self.tendons = {tendon.name: moved(tendons[:, tendon.id]) for tendon in spec.tendons}
-        self.motors = {
-            f"actuator {motor.name} acts on {_place(motor)}": moved(motors[:, motor.id])
-            for motor in spec.actuators
-            if motor.trntype not in _ON_JOINTS and np.isfinite(_range(model, motor)).any()
-        }
+        self.tendons = {tendon.name: joints(tendons[:, tendon.id]) for tendon in spec.tendons}
+        self.motors = dict[str, frozenset[str]]()
+        for motor in spec.actuators:
+            if motor.trntype not in _ON_JOINTS and np.isfinite(_range(model, motor)).any():
+                tendon = motor.trntype == mujoco.mjtTrn.mjTRN_TENDON
+                on = f"tendon {motor.target}" if tendon else "sites"
+                self.motors[f"actuator {motor.name} acts on {on}"] = joints(motors[:, motor.id])
         self.passive = {
             f"the range of tendon {tendon.name}": self.tendons[tendon.name]
             for tendon in spec.tendons
             if model.tendon_limited[tendon.id]
         }
-        self.passive["springs (stiffness)"] = moved(data.qfrc_spring)
-        self.passive["damping other than the joints' linear one"] = moved(
+        self.passive["springs (stiffness)"] = joints(data.qfrc_spring)
+        self.passive["damping other than the joints' linear one"] = joints(
             data.qfrc_damper + model.dof_damping
         )
-        self.passive["drag of the medium (density, viscosity)"] = moved(data.qfrc_fluid)
+        self.passive["drag of the medium (density, viscosity)"] = joints(data.qfrc_fluid)
 
 
 def efforts(spec: mujoco.MjSpec, model: mujoco.MjModel) -> dict[str, float]:
@@ -77,11 +78,6 @@ def efforts(spec: mujoco.MjSpec, model: mujoco.MjModel) -> dict[str, float]:
     sides = {joint: np.abs(force) for joint, force in ranges.items()}
     largest = {joint: float(x.min() or x.max()) for joint, x in sides.items()}  # some push one way only
     return {joint: force for joint, force in largest.items() if np.isfinite(force)}
-
-
-def _place(motor: mujoco.MjsActuator) -> str:
-    """Words for what a motor that is not on a joint acts on."""
-    return f"tendon {motor.target}" if motor.trntype == mujoco.mjtTrn.mjTRN_TENDON else "sites"
 
 
 def _range(model: mujoco.MjModel, motor: mujoco.MjsActuator) -> Array:

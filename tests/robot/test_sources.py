@@ -15,7 +15,7 @@ from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, write_mjcf
 from sidegan.robot.meshes import find_mesh
-from sidegan.robot.mjcf import write_shape
+from sidegan.robot.sources import read_source
 from sidegan.validity.capsules import place_points
 
 from .urdf import one_joint, outside
@@ -132,10 +132,8 @@ class TestMjcf:
         faces = "0 2 1  0 1 3  0 3 2  1 2 4  2 3 4  3 1 4"
         mesh = f'<mesh name="dented" vertex="{corners}  {dent}" face="{faces}"/>'
         body = '<worldbody><geom type="mesh" mesh="dented"/></worldbody>'
-        model = mujoco.MjModel.from_xml_string(f"<mujoco><asset>{mesh}</asset>{body}</mujoco>")
-        link = ET.Element("link")
-        assert write_shape(link, model, 0)
-        file = link.find("collision/geometry/mesh").get("filename")
+        mjcf.write_text(f"<mujoco><asset>{mesh}</asset>{body}</mujoco>")
+        file = read_source(mjcf).root.find("link/collision/geometry/mesh").get("filename")
         assert abs(trimesh.load(file).volume) == pytest.approx(0.6e-3, rel=1e-5)
 
     def test_limits_and_what_is_said_about_what_is_ignored(self, mjcf, caplog):
