@@ -87,13 +87,16 @@ def _notes(
 
 def _postures(spec: mujoco.MjSpec, model: mujoco.MjModel) -> dict[str, dict[str, float]]:
     """Positions of revolute and prismatic joints [rad or m] by keyframe and name."""
-    movable = {
-        joint.name: model.jnt_qposadr[joint.id] for joint in spec.joints if _KINDS[joint.type] != "floating"
-    }
+    movable = {joint.name: model.jnt_qposadr[joint.id] for joint in _movable(spec)}
     return {
         key.name: {joint: float(model.key_qpos[key.id, place]) for joint, place in movable.items()}
         for key in spec.keys
     }
+
+
+def _movable(spec: mujoco.MjSpec) -> list[mujoco.MjsJoint]:
+    """Revolute and prismatic joints."""
+    return [joint for joint in spec.joints if _KINDS[joint.type] != "floating"]
 
 
 def _planes(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[FilePlane, ...]:
@@ -162,11 +165,10 @@ def _write_joint(root: ET.Element, name: str, kind: str, parent: str, child: str
 
 def _write_limits(root: ET.Element, spec: mujoco.MjSpec, model: mujoco.MjModel, forces: Forces) -> None:
     """Write the axes, dynamics and limits of revolute and prismatic joints."""
+    elements = {element.get("name"): element for element in root.findall("joint")}
     available = efforts(spec, model)
-    names = {joint.name: joint.id for joint in spec.joints if _KINDS[joint.type] != "floating"}
-    for element in (element for element in root.findall("joint") if element.get("name") in names):
-        name = element.get("name", "")
-        joint = model.joint(names[name])
+    for name, joint in ((joint.name, model.joint(joint.id)) for joint in _movable(spec)):
+        element = elements[name]
         ET.SubElement(element, "axis", xyz=words(joint.axis))
         stated = {"damping": joint.damping, "friction": joint.frictionloss, "armature": joint.armature}
         ET.SubElement(element, "dynamics", {what: words(x[:1]) for what, x in stated.items()})
