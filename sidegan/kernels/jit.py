@@ -22,6 +22,8 @@ from filelock import FileLock, Timeout
 from numba import types
 from numba.extending import models, register_jitable, register_model, typeof_impl
 
+from sidegan.base.cache import user_cache
+
 _OPTIONS: Any = {
     "nogil": True,
     "error_model": "numpy",
@@ -133,19 +135,16 @@ def _cached_in(folder: Path | None) -> Iterator[None]:
 
 @cache
 def _folder() -> Path | None:
-    """Cache of this version of the kernels in ``SIDEGAN_CACHE`` or the user's cache; None if not writable."""
+    """Cache of this version of the kernels in the user's cache; None if it is not writable."""
+    if (within := user_cache()) is None:
+        return None
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
-    user = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    try:
-        within = Path(os.environ.get("SIDEGAN_CACHE") or Path(user).expanduser() / "sidegan")
-        folder = within.absolute() / f"kernels-{digest.hexdigest()[:16]}"
-        if not folder.exists():
-            folder.mkdir(parents=True, exist_ok=True)
-            _remove_old(within, folder)
-    except (OSError, RuntimeError):  # RuntimeError: the user has no home folder
-        return None
+    folder = within / f"kernels-{digest.hexdigest()[:16]}"
+    with suppress(OSError):  # it exists, or cannot be made
+        folder.mkdir()
+        _remove_old(within, folder)
     return folder if os.access(folder, os.W_OK) else None
 
 

@@ -137,7 +137,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, fl
             which = f"{name!r}, which moves" if name in free else repr(name) if name else "no joint"
             wrong[joint.name] = f"{at} mimics {which}"
             lower, upper = tree.span(joint) or (-math.inf, math.inf)
-            remedies[joint.name] = min(max(xml.number(mimic, "offset", at, "0"), lower), upper)
+            remedies[joint.name] = min(max(xml.scalar(mimic, "offset", at, "0"), lower), upper)
             if name in free[1:] and tree.joints[name] in tree.path(joint.parent):
                 ends.append(
                     f"; or end the arm before {name} by {setting('robot.tip', tree.joints[name].parent)}"
@@ -145,7 +145,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, fl
             return 0.0
         followed = tree.joints[name]
         here = 0.0 if followed.kind == "fixed" else stand(followed, followers)
-        return xml.number(mimic, "multiplier", at, "1") * here + xml.number(mimic, "offset", at, "0")
+        return xml.scalar(mimic, "multiplier", at, "1") * here + xml.scalar(mimic, "offset", at, "0")
 
     for joint in tree.joints.values():
         if joint.kind != "fixed" and joint.name not in free:

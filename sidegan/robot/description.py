@@ -132,12 +132,12 @@ def _read_mass(link: ET.Element, where: str) -> tuple[float, str]:
     if inertial is None:
         return 0.0, ""
     try:
-        mass = xml.number(xml.child(inertial, "mass", where), "value", where)
+        mass = xml.scalar(xml.child(inertial, "mass", where), "value", where)
         if mass < 0:
             raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
         inertia = xml.child(inertial, "inertia", where)
         for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-            xml.number(inertia, key, where)
+            xml.scalar(inertia, key, where)
         for key in ("xyz", "rpy"):
             xml.vector(inertial.find("origin"), key, where, "0 0 0")
     except RobotError as error:
@@ -253,6 +253,6 @@ def _described_drives(moving: Sequence[Joint], where: str) -> Drives | None:
     rows = []
     for joint in moving:
         at = f"{where}: joint {joint.name!r}"
-        rows.append([max(xml.number(joint.part("dynamics"), key, at, "0"), 0.0) for key in _DYNAMICS])
+        rows.append([max(xml.scalar(joint.part("dynamics"), key, at, "0"), 0.0) for key in _DYNAMICS])
     columns = np.array(rows, dtype=float).T
     return Drives(*columns) if columns.any() else None

@@ -178,7 +178,7 @@ class _Described:
         """A range narrowed by a joint's soft limits, if it has any; a missing end is 0."""
         safety = joint.part("safety_controller")
         at = self.tree.at(joint)
-        soft = [xml.number(safety, f"soft_{end}_limit", at, "0") for end in ("lower", "upper")]
+        soft = [xml.scalar(safety, f"soft_{end}_limit", at, "0") for end in ("lower", "upper")]
         lower = max(span[0], soft[0])
         upper = min(span[1], soft[1])
         if not any(soft) or (lower, upper) == span:
@@ -192,7 +192,7 @@ class _Described:
 
     def _number(self, joint: Joint, key: str) -> float:
         """A number of a joint's <limit>; 0 if it is missing."""
-        return xml.number(joint.part("limit"), key, self.tree.at(joint), "0")
+        return xml.scalar(joint.part("limit"), key, self.tree.at(joint), "0")
 
     def _example(self, kind: str, joint: Joint, value: _Value, has: str) -> _Value:
         self.missing.append(f"{self.tree.at(joint)} has {has}")
@@ -236,7 +236,7 @@ def _in_other_units(
 
 def _described(joint: Joint, kind: str, given: dict[str, Any]) -> bool:
     """Whether a joint's limit is the description's, or may be in degrees as the description's is not."""
-    own = max(abs(xml.plain(joint.part("limit").get(key))) for key in ("lower", "upper"))
+    own = max(abs(xml.number_or_zero(joint.part("limit").get(key))) for key in ("lower", "upper"))
     if kind == "position":
         return joint.kind != "continuous" and (joint.name not in given or 0 < own <= TURN)
     return joint.name not in given
@@ -251,7 +251,7 @@ def _wider(joint: Joint, limits: JointLimits) -> list[str]:
     wider = []
     for kind, unit in units.items():
         value = getattr(limits, kind)
-        own = xml.plain(joint.part("limit").get(kind))
+        own = xml.number_or_zero(joint.part("limit").get(kind))
         if own and (own - value if kind == "lower" else value - own) > _ROUNDED * abs(own):
             wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider

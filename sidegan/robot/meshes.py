@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sidegan.base.cache import user_cache
 from sidegan.base.storage import write_bytes
 from sidegan.errors import ConfigError, RobotError
-
-VARIABLE = "SIDEGAN_CACHE"  # environment variable with the cache's folder
 
 _FEWEST = 4  # faces of a body
 _DEEPEST = 3  # levels below an entry of ROS_PACKAGE_PATH that are searched for packages
@@ -104,14 +103,8 @@ def read_mesh(file: Path) -> NDArray[np.float64]:
 
 
 def cache_folder() -> Path:
-    """Folder of ``SIDEGAN_CACHE``, or sidegan in the user's cache; a temporary one if that is read-only."""
-    usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sidegan"
-    folder = Path(os.environ.get(VARIABLE) or usual)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return Path(tempfile.gettempdir()) / "sidegan"
-    return folder if os.access(folder, os.W_OK) else Path(tempfile.gettempdir()) / "sidegan"
+    """Folder of ``SIDEGAN_CACHE``, or sidegan in the user's cache; a temporary one if it is not writable."""
+    return user_cache() or Path(tempfile.gettempdir()) / "sidegan"
 
 
 def kept_mesh(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Path:

@@ -1,6 +1,7 @@
-"""Compilation of an MJCF, without the shapes whose mesh files are missing."""
+"""Compilation of an MJCF by MuJoCo, without the shapes whose mesh files are missing."""
 
 import logging
+import warnings
 from collections import defaultdict
 from pathlib import Path
 
@@ -10,51 +11,61 @@ from sidegan.errors import RobotError
 from sidegan.robot.meshes import is_there
 from sidegan.robot.write_mjcf import mujoco_logged
 
+_log = logging.getLogger(__name__)
 Lost = dict[str, list[str]]  # missing mesh files by body
 
 
-def compiled(path: Path) -> tuple[mujoco.MjModel, Lost, Lost]:
-    """The model of a file, and missing meshes by body: those that collide, and those only shown."""
+def compile_mjcf(path: Path) -> tuple[mujoco.MjSpec, mujoco.MjModel, Lost, Lost]:
+    """A file's specification and model, and missing meshes: those that collide, and those only shown.
+
+    Elements without a name get one; their ``id`` is their number in the model. MuJoCo's warnings are logged.
+
+    Raises:
+        RobotError: when MuJoCo refuses the file.
+    """
+    colliding: Lost = {}
+    shown: Lost = {}
     try:
-        with mujoco_logged(path, logging.WARNING):
+        with mujoco_logged(path, logging.WARNING), warnings.catch_warnings(record=True) as issued:
+            warnings.simplefilter("always")
+            spec = mujoco.MjSpec.from_file(str(path))
+            _remove_textures(spec)
             try:
-                return mujoco.MjModel.from_xml_path(str(path)), {}, {}
+                model = spec.compile()
             except ValueError:
-                if found := _without_lost(path):
-                    return found
-                raise
+                colliding, shown = _remove_lost(spec)
+                model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise RobotError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+    for warning in issued:
+        _log.warning("%s: %s", path, warning.message)
+    _name_all(spec)
+    return spec, model, colliding, shown
 
 
-def _without_lost(path: Path) -> tuple[mujoco.MjModel, Lost, Lost] | None:
-    """Like ``compiled``, without geoms whose mesh files are missing.
-
-    None if no file is missing, or if a body's mass depends on a missing one.
-    """
-    spec = mujoco.MjSpec.from_file(str(path))
-
-    def lost(folder: str, *files: str) -> bool:
-        return any(file and not is_there(Path(spec.modelfiledir, folder, file)) for file in files)
-
-    meshes = {
-        mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if lost(spec.meshdir, mesh.file)
-    }
-    textures = {x.name: x for x in spec.textures if lost(spec.texturedir, x.file, *x.cubefiles)}
-    if not (meshes or textures):
-        return None
-    colliding, shown = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
-    for geom in [geom for geom in spec.geoms if geom.meshname in meshes]:
-        if _weighs(spec, geom):
-            return None
-        where = colliding if geom.contype or geom.conaffinity else shown
-        where[geom.parent.name].append(meshes[geom.meshname].file)
-        spec.delete(geom)
+def _remove_textures(spec: mujoco.MjSpec) -> None:
+    """Remove what only pictures need, and whose files may be missing."""
     for material in spec.materials:
-        material.textures = ["" if name in textures else name for name in material.textures]
-    for asset in (*meshes.values(), *textures.values()):
-        spec.delete(asset)
-    return spec.compile(), dict(colliding), dict(shown)
+        material.textures = [""] * len(material.textures)
+    for texture in spec.textures:
+        spec.delete(texture)
+
+
+def _remove_lost(spec: mujoco.MjSpec) -> tuple[Lost, Lost]:
+    """Remove meshes whose files are missing, and their shapes, unless a body's mass depends on one."""
+    folder = Path(spec.modelfiledir, spec.meshdir)
+    absent = [mesh for mesh in spec.meshes if mesh.file and not is_there(folder / mesh.file)]
+    files = {mesh.name or Path(mesh.file).stem: mesh.file for mesh in absent}
+    geoms = [geom for geom in spec.geoms if geom.meshname in files]
+    colliding, shown = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
+    if any(_weighs(spec, geom) for geom in geoms):
+        return {}, {}
+    for geom in geoms:
+        where = colliding if geom.contype or geom.conaffinity else shown
+        where[geom.parent.name].append(files[geom.meshname])
+    for element in (*geoms, *absent):
+        spec.delete(element)
+    return dict(colliding), dict(shown)
 
 
 def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
@@ -64,3 +75,11 @@ def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
     always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     own = body.explicitinertial and not always
     return body.name != "world" and not own and geom.mass != 0 and first <= geom.group <= last
+
+
+def _name_all(spec: mujoco.MjSpec) -> None:
+    """Name elements without a name by their kind and number."""
+    named = spec.bodies, spec.joints, spec.geoms, spec.tendons, spec.actuators, spec.equalities, spec.keys
+    for element in (element for elements in named for element in elements):
+        kind = type(element).__name__.removeprefix("Mjs").lower()
+        element.name = element.name or f"{kind}_{element.id}"

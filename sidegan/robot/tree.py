@@ -114,7 +114,7 @@ class Tree:
         limit = joint.part("limit")
         if joint.kind == "continuous" or not {"lower", "upper"} & set(limit.attrib):
             return None
-        lower, upper = (xml.number(limit, key, self.at(joint), "0") for key in ("lower", "upper"))
+        lower, upper = (xml.scalar(limit, key, self.at(joint), "0") for key in ("lower", "upper"))
         return lower, upper
 
     def require_link(self, name: str, setting: str = "") -> None:

@@ -90,4 +90,4 @@ def transmissions(root: ET.Element, joint_names: Sequence[str]) -> Array:
 def _reduction(element: ET.Element) -> float:
     """The gear reduction that a part of a transmission states; 1 if none."""
     tags = "mechanicalReduction", "mechanical_reduction"
-    return next((x for tag in tags if (x := xml.plain(element.findtext(tag)))), 1.0)
+    return next((x for tag in tags if (x := xml.number_or_zero(element.findtext(tag)))), 1.0)

@@ -130,7 +130,7 @@ def _round(root: ET.Element) -> None:
             axis = from_rpy(xml.vector(origin, "rpy", ""))[:, 2]
             for side in (-0.5, 0.5):
                 ball = ET.SubElement(link, shape.tag)
-                centre = place + side * xml.number(capsule, "length", "") * axis
+                centre = place + side * xml.scalar(capsule, "length", "") * axis
                 ET.SubElement(ball, "origin", xyz=words(centre), rpy="0 0 0")
                 ET.SubElement(ET.SubElement(ball, "geometry"), "sphere", radius=radius)
             capsule.tag = "cylinder"

@@ -42,12 +42,12 @@ def child(element: ET.Element, tag: str, where: str) -> ET.Element:
     return inner
 
 
-def number(element: ET.Element, key: str, where: str, default: str | None = None) -> float:
+def scalar(element: ET.Element, key: str, where: str, default: str | None = None) -> float:
     """A finite number from an attribute, which is required unless there is a default."""
     return vector(element, key, where, default, size=1)[0]
 
 
-def plain(text: str | None) -> float:
+def number_or_zero(text: str | None) -> float:
     """A number in a description; zero if it is missing, unreadable or not finite."""
     try:
         return float(text or "") if math.isfinite(float(text or "")) else 0.0

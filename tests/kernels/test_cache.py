@@ -71,7 +71,9 @@ def folder(tmp_path):
     source = Path(sidegan.__file__).parent
     kernels = tmp_path / "sidegan" / "kernels"
     kernels.mkdir(parents=True)
-    for file in ("__init__.py", "errors.py", "kernels/__init__.py", "kernels/jit.py"):
+    (tmp_path / "sidegan" / "base").mkdir()
+    modules = "__init__", "errors", "base/__init__", "base/cache", "kernels/__init__", "kernels/jit"
+    for file in (f"{module}.py" for module in modules):
         shutil.copy(source / file, tmp_path / "sidegan" / file)
     (kernels / "caller.py").write_text(CALLER)
     (kernels / "callee.py").write_text(CALLEE)

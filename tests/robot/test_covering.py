@@ -15,7 +15,6 @@ from sidegan.robot import Setup, covering, load_robot
 from sidegan.robot.arm import digest_of
 from sidegan.robot.covering import cover
 from sidegan.robot.fitting import fit, from_segment, thinned, volume
-from sidegan.robot.meshes import VARIABLE
 from sidegan.validity import Constraints
 
 from .arms import shape_accuracy
@@ -161,7 +160,7 @@ def test_a_thinned_hull_states_how_far_the_dropped_points_stick_out(seed, count,
 @pytest.fixture
 def arm_file(tmp_path, monkeypatch):
     """An arm whose base and link are meshes."""
-    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv("SIDEGAN_CACHE", str(tmp_path / "cache"))
     trimesh.creation.box((0.1, 0.2, 0.7)).export(tmp_path / "box.stl")
     shape = mesh("box.stl", 'xyz="0.1 0 0"')
     (tmp_path / "robot.urdf").write_text(one_joint(collision=shape).replace('"base">', f'"base">{shape}', 1))
@@ -183,7 +182,7 @@ def test_shapes_are_cached_and_a_damaged_cache_is_rebuilt(arm_file, monkeypatch)
     for file in (arm_file.parent / "cache").rglob("output.pkl"):
         file.write_bytes(file.read_bytes()[:20])
     assert_same_shapes(load_robot(arm_file), made)
-    monkeypatch.setenv(VARIABLE, str(arm_file))  # no folder: a temporary one is used
+    monkeypatch.setenv("SIDEGAN_CACHE", str(arm_file))  # no folder: a temporary one is used
     assert_same_shapes(load_robot(arm_file), made)
 
 
@@ -201,7 +200,7 @@ def test_the_digest_depends_on_meshes_and_origins_not_on_fitted_numbers(arm_file
 
 
 def test_a_ring_around_a_rod_is_refined_until_the_rod_is_free(tmp_path, monkeypatch):
-    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv("SIDEGAN_CACHE", str(tmp_path / "cache"))
     trimesh.creation.annulus(0.10, 0.12, 0.1, sections=24).export(tmp_path / "ring.stl")
     trimesh.creation.box((0.05, 0.05, 0.4)).export(tmp_path / "rod.stl")  # passes by the ring's wall
     first = joint("first", "base", "lower", origin='xyz="0 0 0"') + link("lower")

@@ -2,7 +2,6 @@
 
 import re
 import sys
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 from unittest.mock import patch
 
@@ -15,7 +14,7 @@ from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, write_mjcf
 from sidegan.robot.meshes import find_mesh
-from sidegan.robot.mjcf import write_shape
+from sidegan.robot.sources import read_source
 from sidegan.validity.capsules import place_points
 
 from .urdf import one_joint, outside
@@ -37,7 +36,8 @@ MJCF = """<mujoco model="toy">
       <inertial pos="0.1 0.2 0.3" mass="1" fullinertia="0.2 0.3 0.25 0.01 0.02 0.03"/>
       <geom type="mesh" mesh="bare" pos="0.1 0.2 0.3" euler="40 50 60"/>
       <geom type="ellipsoid" size="0.1 0.2 0.3"/><geom type="sphere" size="0.9" contype="0" conaffinity="0"/>
-      <body name="c" pos="0 0 0.1"><joint name="left_finger" type="slide" axis="0 1 0" range="0 0.04"/>
+      <body name="c" pos="0 0 0.1">
+        <joint name="left_finger" type="slide" axis="0 1 0" range="0 0.04" ref="0.01"/>
         <inertial pos="0 0 0" mass="0.1" diaginertia="1e-3 1e-3 1e-3"/></body>
       <body name="d" pos="0 0 0.1"><joint name="right_finger" type="slide" axis="0 1 0" range="0 0.04"/>
         <inertial pos="0 0 0" mass="0.1" diaginertia="1e-3 1e-3 1e-3"/></body>
@@ -96,7 +96,7 @@ class TestMjcf:
         data, random = mujoco.MjData(model), np.random.default_rng(0)
         states, expected = random.uniform(-1, 1, (3, 40, 3)), []
         for q, dq, ddq in zip(*states):
-            data.qpos[:] = [*q, 0.03, 0.01 - 0.03]
+            data.qpos[:] = [*q, 0.03, 0.01 - (0.03 - 0.01)]
             data.qvel[:], data.qacc[:] = [*dq, 0, 0], [*ddq, 0, 0]
             mujoco.mj_inverse(model, data)
             expected.append(data.qfrc_inverse[:3].copy())
@@ -132,10 +132,8 @@ class TestMjcf:
         faces = "0 2 1  0 1 3  0 3 2  1 2 4  2 3 4  3 1 4"
         mesh = f'<mesh name="dented" vertex="{corners}  {dent}" face="{faces}"/>'
         body = '<worldbody><geom type="mesh" mesh="dented"/></worldbody>'
-        model = mujoco.MjModel.from_xml_string(f"<mujoco><asset>{mesh}</asset>{body}</mujoco>")
-        link = ET.Element("link")
-        assert write_shape(link, model, 0)
-        file = link.find("collision/geometry/mesh").get("filename")
+        mjcf.write_text(f"<mujoco><asset>{mesh}</asset>{body}</mujoco>")
+        file = read_source(mjcf).root.find("link/collision/geometry/mesh").get("filename")
         assert abs(trimesh.load(file).volume) == pytest.approx(0.6e-3, rel=1e-5)
 
     def test_limits_and_what_is_said_about_what_is_ignored(self, mjcf, caplog):
@@ -145,7 +143,7 @@ class TestMjcf:
         assert arm.torque_limit.tolist() == [87, np.inf, np.inf]
         assert arm.position_upper.tolist() == pytest.approx([np.pi / 2, np.pi, 0.5])
         notes = "; ".join(arm.notes)
-        assert "left_finger at 0.02 m, right_finger at -0.01 m" in notes
+        assert "left_finger at 0.02 m, right_finger at 0 m" in notes
         assert arm.planes == ((0.0, 0.0, 1.0, 0.0),)
         assert "rotor inertias (armature) are not part" in notes
         assert "gravcomp" not in notes
@@ -207,6 +205,7 @@ WELD, CONNECT = (
     "<equality><weld body1='{}'/></equality>",
     "<equality><connect body1='{}' body2='{}' {}/></equality>",
 )
+STRETCHED = "<equality><tendon tendon1='{}'/></equality>"
 ANCHOR, OFF = "anchor='0 0 .4'", "anchor='0 0 .4' active='false'"
 TIED = [  # an MJCF, what is said of it, and the setup with which it loads
     (driven('<motor name="m" tendon="belt" ctrlrange="-6 6"/>', BELT), "m acts on tendon belt", "effort"),
@@ -216,6 +215,12 @@ TIED = [  # an MJCF, what is said of it, and the setup with which it loads
     (driven('<motor tendon="belt"/>', BELT), "", "all"),  # its force has no limit
     (driven('<motor tendon="grip" ctrlrange="-6 6"/>', GRIP), "", "all"),
     (driven("", CONNECT.format("finger", "thumb", ANCHOR)), "", "all"),
+    (driven("", GRIP + STRETCHED.format("grip")), "", "all"),
+    (
+        driven("", BELT + STRETCHED.format("belt")),
+        "(b, a) ties jb; loop_joint equality_0 (c, b) ties jc",
+        None,
+    ),
     (driven("", CONNECT.format("bar", "c", OFF), BAR), "", "all"),
 ]
 WAYS = {"effort": {"ja": 9.0, "jb": 9.0, "jc": 9.0}, "locked": {"j_bar": 0.0}}
