@@ -65,7 +65,7 @@ class Descent:
         self._objective = Objective(problem, goal, rough, refine, self.coordinates.matrix)
         self._strict = self._objective.penalised(self._objective.plan, replace(rough, weight=_STRICT))
         joints, harmonics, _ = problem.trajectory.shape
-        self._state = descent.search(joints, 2 * harmonics, _MEMORY)
+        self._state = descent.descent_state(joints, 2 * harmonics, _MEMORY)
 
     def start(self, random: np.random.Generator, reach: float = _REACH) -> Array:
         """A random point, (J, 2 H), at which each joint uses ``reach`` of its tightest limit."""

@@ -34,7 +34,7 @@ _ANY_ORDER: Any = {"fastmath": {"contract", "reassoc"}}
 _PATIENCE = 120.0  # [s] to wait for another process that compiles a kernel, before compiling it too
 _KEPT = 3  # cached older versions of the kernels
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 Function = Callable[..., Any]
 
@@ -160,10 +160,10 @@ def _remove_old(within: Path, new: Path) -> None:
 @cache
 def _tell() -> None:
     """Log once that compilation takes a while."""
-    log.info("compiling for this processor, once, which takes up to a minute")
+    _log.info("compiling for this processor, once, which takes up to a minute")
 
 
-def share(module: ModuleType) -> None:
+def inline_functions(module: ModuleType) -> None:
     """Let kernels call the functions of a module, inlined; in Python they stay functions."""
     for function in vars(module).values():
         if isfunction(function):

@@ -4,7 +4,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array, split
 from sidegan.design import fidelity
-from sidegan.design.excitation import excite
+from sidegan.design.excitation import measure_excitation
 from sidegan.library.collection import MARGIN, Library
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
@@ -14,12 +14,14 @@ _AT_ONCE = 250  # trajectories per batch
 _LEAST = 1e-30  # lower bound of diag(YᵀY), which is zero for a column without excitation
 
 
-def measured(constraints: Constraints, trajectory: Trajectory, c: Array, source: str) -> Library:
+def library_of(constraints: Constraints, trajectory: Trajectory, c: Array, source: str) -> Library:
     """A library of coefficients (N, J, H, 2), with their margins and excitation."""
     columns: dict[str, Array] = {}
     for index in split(np.arange(len(c)), _AT_ONCE):
         validity = check(constraints, trajectory, c[index])
-        excitation = excite(constraints.body, trajectory, c[index], round(RATE * trajectory.period))
+        excitation = measure_excitation(
+            constraints.body, trajectory, c[index], round(RATE * trajectory.period)
+        )
         found = {
             "valid": validity.valid,
             "fitness": excitation.eigenvalue_fitness,

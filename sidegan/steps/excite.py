@@ -20,7 +20,7 @@ from sidegan.errors import ConfigError, SideganError
 from sidegan.identification import GoalSettings, Terms
 from sidegan.identification.goals import Uncertain, unmeasured, usual_torque
 from sidegan.identification.model import TorqueModel
-from sidegan.library.measure import measured
+from sidegan.library.measure import library_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.steps.trajectories import TrajectorySet
@@ -68,7 +68,9 @@ def excite(
     aim = aim_of(cell, settings, settings_of(Terms, model), known)
     effort = settings_of(SearchSettings, search)
     c = design_set(cell.problem, aim, settings.count, effort, number(seed, "excite"))
-    made = TrajectorySet(cell, measured(cell.constraints, cell.trajectory, c, "excite"), cell.trajectory, aim)
+    made = TrajectorySet(
+        cell, library_of(cell.constraints, cell.trajectory, c, "excite"), cell.trajectory, aim
+    )
     return replace(made, library=made.library.take(made.energy().argsort(kind="stable")))
 
 

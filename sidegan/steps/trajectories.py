@@ -23,7 +23,7 @@ from sidegan.design.selection import Selection, choose
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.identification.goals import Prediction, Uncertain
 from sidegan.library import LIBRARY, Library
-from sidegan.library.measure import measured
+from sidegan.library.measure import library_of
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.recording.commanded import FOLDER
 from sidegan.robot import placeholder_links
@@ -75,7 +75,7 @@ class TrajectorySet:
         cell.trajectory.check(c)
         if not len(c):
             raise ShapeError("there are no coefficients, expected those of one trajectory or more")
-        return cls(cell, measured(cell.constraints, cell.trajectory, c, source), cell.trajectory)
+        return cls(cell, library_of(cell.constraints, cell.trajectory, c, source), cell.trajectory)
 
     @classmethod
     def load(cls, folder: str | Path, cell: Cell) -> "TrajectorySet":
@@ -88,7 +88,7 @@ class TrajectorySet:
         stored = Library.load(path_of(folder, "folder") / LIBRARY, cell.arm)
         joints, harmonics, _ = stored.coefficients.shape[1:]
         family = Trajectory(joints, harmonics, stored.period, stored.home)
-        library = measured(cell.constraints, family, stored.coefficients, "")
+        library = library_of(cell.constraints, family, stored.coefficients, "")
         return cls(cell, replace(library, source=stored.source), family)
 
     def __len__(self) -> int:
@@ -215,7 +215,9 @@ class TrajectorySet:
                 f"{found.failures(first)[0]}; plan a slower one: robot.effort or trajectory.period"
             )
         source = self.library.source[0]
-        return TrajectorySet(self.cell, measured(self.cell.constraints, family, c, source), family, self.aim)
+        return TrajectorySet(
+            self.cell, library_of(self.cell.constraints, family, c, source), family, self.aim
+        )
 
     def energy(self, rate: float = 100.0) -> Array:
         """Mechanical work of the joints, whether they drive or brake [J], (N,), summed at a rate [Hz]."""

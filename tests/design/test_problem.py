@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from sidegan.design.excitation import Excitation, condition_of, excite, information_of
+from sidegan.design.excitation import Excitation, condition_of, information_of, measure_excitation
 from sidegan.design.fidelity import effective_rank, mean_cosine, mean_distance, nearest_distance
 from sidegan.design.problem import Coordinates, Problem
 from sidegan.design.selection import Selection, a_optimal, d_optimal, greedy
@@ -66,7 +66,7 @@ def test_limit_use_is_relative_to_the_room_on_either_side_of_home(planar):
 def test_spectrum_trace_and_diagonal_are_those_of_the_full_regressor(joints, arm):
     arm = random_chain(joints, 0)[0] if joints else arm
     body, (trajectory, c) = RigidBody(arm), trajectories(arm.joints)
-    excitation = excite(body, trajectory, c)
+    excitation = measure_excitation(body, trajectory, c)
     y = body.regressor(*trajectory.roll_out(c, trajectory.grid(80))[1:]).reshape(len(c), -1, 10 * arm.joints)
     gram, p = y.mT @ y / 80, body.parameters_count
     eigenvalues, diagonal = np.linalg.eigvalsh(gram), np.linalg.diagonal(gram)
@@ -139,7 +139,7 @@ def test_invalid_arrays_and_counts_are_refused(work, words):
         work()
 
 
-@pytest.mark.parametrize("measure", [excite, information_of])
+@pytest.mark.parametrize("measure", [measure_excitation, information_of])
 def test_invalid_coefficients_are_refused(planar, measure):
     body, (trajectory, c) = RigidBody(planar), trajectories(2)
     for wrong, words in ((c[0], "coefficients are"), (spoilt(c.shape, 3, NAN), r"coefficients\[3\]")):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidegan.design import selection
-from sidegan.design.excitation import excite, information_of
+from sidegan.design.excitation import information_of, measure_excitation
 from sidegan.design.selection import Selection, a_optimal, choose, d_optimal, greedy
 
 from .conftest import semidefinite
@@ -126,5 +126,5 @@ def test_the_configured_pick_is_that_of_the_function_it_names(
         monkeypatch.setattr(selection, "_HELD", held)
         chosen = choose(Selection(count=5, method=pick.__name__, noise=noise), *of, np.zeros((0, 0)))
         assert chosen.tolist() == pick(information_of(*of, noise=noise), 5).tolist()
-    diagonal = excite(*of).diagonal
+    diagonal = measure_excitation(*of).diagonal
     assert choose(Selection(count=5), *of, diagonal).tolist() == greedy(diagonal, 5).tolist()
