@@ -58,7 +58,7 @@ def replacing_folder(path: Path, ours: Callable[[Path], bool]) -> Iterator[Path]
 
     Existing contents that are not ``ours`` are kept. After a failure ``path`` is unchanged.
     """
-    new, old = (path.with_name(f".{path.name}.{word}") for word in ("new", "old"))
+    new, old = path.with_name(f".{path.name}.new"), path.with_name(f".{path.name}.old")
     with writing(path):
         if old.exists() and not path.exists():  # a run was killed between the two renames below
             old.rename(path)

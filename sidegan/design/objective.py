@@ -14,7 +14,7 @@ import numpy as np
 from sidegan.base.arrays import Array, flatten
 from sidegan.design.problem import Problem
 from sidegan.errors import ShapeError
-from sidegan.kernels import goals, information
+from sidegan.kernels import descent, goals, information
 from sidegan.kernels import objective as kernel
 from sidegan.kernels.dynamics import PenaltyLimits
 from sidegan.motion.arrays import array
@@ -196,7 +196,11 @@ class Objective:
 
     def __call__(self, x: Array, gradient: Array) -> tuple[float, float]:
         """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K)."""
-        return kernel.objective(self.plan, x, gradient, self.scratch)
+        state = descent.descent_state(*x.shape, 0)
+        state.x[:] = x.ravel()
+        descent.descend(self.plan, state, self.scratch, 1)
+        gradient[:] = state.gradient.reshape(x.shape)
+        return float(state.numbers[descent.GOAL]), float(state.numbers[descent.COST])
 
 
 def evaluator(problem: Problem) -> Callable[[Array], Array]:

@@ -91,14 +91,14 @@ class Prediction:
 
     def informations(self, c: Array) -> tuple[Array, Array]:
         """Information M and noise S, (N, p, p) each, of trajectories [rad/s], (N, J, H, 2)."""
-        both, by = [], self.noise
+        information, noise, by = [], [], self.noise
         for y, torque in _equations(self.body, self.trajectory, c, self.times):
             weighted = by.weights[:, None] * y
             variance = by.level**2 / 3 * np.square(torque) + np.square(by.deviation)
             noisy = (by.weights * np.sqrt(variance)).mT[:, None] * weighted
-            both.append([x @ x.mT for x in (flatten(weighted, 2), flatten(noisy, 2))])
-        information, noise = (self.each * np.concatenate(x) for x in zip(*both))
-        return information, noise
+            for parts, x in ((information, flatten(weighted, 2)), (noise, flatten(noisy, 2))):
+                parts.append(x @ x.mT)
+        return self.each * np.concatenate(information), self.each * np.concatenate(noise)
 
     def nmse(self, information: Array, noise: Array) -> Array:
         """Expected nMSE, (B, K), of each joint whose torque varies, from sums over sets, (B, p, p) each."""

@@ -88,9 +88,17 @@ class Work(NamedTuple):
 def work_space(model: Model) -> Work:
     """Scratch arrays of one thread for a model."""
     j, shapes = len(model.home), model.bodies.shapes
-    sizes = {"wrench": (4, j, 3), "sums": (6, j), "twist": (2, j + 1, 3), "axes": (len(shapes.pairs), 3)}
-    sizes |= dict.fromkeys(("state", "motion"), (4, j)) | dict.fromkeys(("torque", "bent"), (2, j))
-    return Work(at=pose_for(shapes, j), **{name: np.zeros(size) for name, size in sizes.items()})
+    return Work(
+        state=np.zeros((4, j)),
+        motion=np.zeros((4, j)),
+        at=pose_for(shapes, j),
+        wrench=np.zeros((4, j, 3)),
+        torque=np.zeros((2, j)),
+        sums=np.zeros((6, j)),
+        bent=np.zeros((2, j)),
+        twist=np.zeros((2, j + 1, 3)),
+        axes=np.zeros((len(shapes.pairs), 3)),
+    )
 
 
 @inline_in_any_order

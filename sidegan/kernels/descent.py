@@ -43,10 +43,20 @@ class DescentState(NamedTuple):
 def descent_state(joints: int, functions: int, memory: int) -> DescentState:
     """State of a search that has not started."""
     size, slots = joints * functions, memory + 1
-    x, gradient, direction, trial, slope = (np.zeros(size) for _ in range(5))
-    rows = trial.reshape(joints, functions), slope.reshape(joints, functions)
-    pairs = np.zeros((slots, size)), np.zeros((slots, size)), np.zeros(slots), np.zeros(slots)
-    return DescentState(x, gradient, direction, trial, slope, rows, *pairs, np.zeros(NUMBERS))
+    trial, slope = np.zeros(size), np.zeros(size)
+    return DescentState(
+        x=np.zeros(size),
+        gradient=np.zeros(size),
+        direction=np.zeros(size),
+        trial=trial,
+        slope=slope,
+        rows=(trial.reshape(joints, functions), slope.reshape(joints, functions)),
+        s=np.zeros((slots, size)),
+        y=np.zeros((slots, size)),
+        rho=np.zeros(slots),
+        alpha=np.zeros(slots),
+        numbers=np.zeros(NUMBERS),
+    )
 
 
 @kernel

@@ -61,9 +61,8 @@ def no_terms(joints: int) -> JointTerms:
 
 def signals_for(terms: JointTerms, samples: int, sets: int) -> Signals:
     """Signals for T samples and K parameter sets, all zero."""
-    count = len(terms.kinds)
-    values, rates, pushes = (np.zeros((count, samples)) for _ in range(3))
-    return Signals(values, rates, pushes, np.zeros((sets, count)))
+    size = len(terms.kinds), samples
+    return Signals(np.zeros(size), np.zeros(size), np.zeros(size), np.zeros((sets, len(terms.kinds))))
 
 
 @kernel

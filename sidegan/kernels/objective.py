@@ -221,12 +221,6 @@ def objective_of(plan: Plan, x: Array, gradient: Array, work: PlanBuffers) -> tu
 
 
 @kernel
-def objective(plan: Plan, x: Array, gradient: Array, work: PlanBuffers) -> tuple[float, float]:
-    """``objective_of`` as a kernel of its own."""
-    return objective_of(plan, x, gradient, work)
-
-
-@kernel
 def energy_gradient(
     plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Array, work: PlanBuffers
 ) -> float:

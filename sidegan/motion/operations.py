@@ -102,8 +102,7 @@ def _states(q: Array, dq: Array, ddq: Array) -> Array:
     states = np.empty((5, batch, joints, count))
     for row, x in zip(states[2:], (q, dq, ddq)):
         row[...] = x.transpose(0, 2, 1)
-    sine, cosine, position = (x.ravel() for x in states[:3])
-    waves(position, sine, cosine)
+    waves(states[2].ravel(), states[0].ravel(), states[1].ravel())
     return states
 
 

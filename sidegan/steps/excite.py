@@ -113,8 +113,8 @@ def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, floa
         count = model.count  # what follows are effects on joints, which is no aim of a design
         if not _alike(" ; ".join(model.formulas), " ; ".join(numbers["formulas"][:count])):
             raise ConfigError(f"{path} is for another arm than {arm.name}: its link frames differ")
-        covariance, certainty = (np.array(numbers[name], float) for name in ("covariance", "certainty"))
-        return model, covariance[:count, :count], certainty, float(numbers["rate"])
+        covariance = np.array(numbers["covariance"], float)[:count, :count]
+        return model, covariance, np.array(numbers["certainty"], float), float(numbers["rate"])
     except ConfigError:
         raise
     except (SideganError, KeyError, TypeError, ValueError, RuntimeError) as error:
@@ -125,5 +125,7 @@ def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, floa
 
 def _alike(a: str, b: str) -> bool:
     """Whether two formulas are equal up to rounding of their numbers."""
-    x, y = ([float(number) for number in _NUMBER.findall(text)] for text in (a, b))
-    return _NUMBER.sub("#", a) == _NUMBER.sub("#", b) and bool(np.allclose(x, y, rtol=_ROUNDED, atol=0))
+    if _NUMBER.sub("#", a) != _NUMBER.sub("#", b):
+        return False
+    numbers = [np.array(_NUMBER.findall(text), float) for text in (a, b)]
+    return np.allclose(*numbers, rtol=_ROUNDED, atol=0)
