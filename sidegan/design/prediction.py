@@ -91,13 +91,16 @@ class Prediction:
 
     def informations(self, c: Array) -> tuple[Array, Array]:
         """Information M and noise S, (N, p, p) each, of trajectories [rad/s], (N, J, H, 2)."""
-        information, noise, by = [], [], self.noise
+        information, noise = list[Array](), list[Array]()
+        by = self.noise
         for y, torque in _equations(self.body, self.trajectory, c, self.times):
             weighted = by.weights[:, None] * y
             variance = by.level**2 / 3 * np.square(torque) + np.square(by.deviation)
             noisy = (by.weights * np.sqrt(variance)).mT[:, None] * weighted
-            for parts, x in ((information, flatten(weighted, 2)), (noise, flatten(noisy, 2))):
-                parts.append(x @ x.mT)
+            rows = flatten(weighted, 2)
+            information.append(rows @ rows.mT)
+            rows = flatten(noisy, 2)
+            noise.append(rows @ rows.mT)
         return self.each * np.concatenate(information), self.each * np.concatenate(noise)
 
     def nmse(self, information: Array, noise: Array) -> Array:

@@ -14,6 +14,7 @@ from sidegan.library.measure import RATE, library_of, likeness, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints, Plane, check
+from tests.refusals import refused
 
 
 @pytest.fixture(scope="module")
@@ -96,16 +97,10 @@ def test_draws_are_limited_and_the_valid_share_reported(caplog):
     assert source.sizes == [6, 6, 6, 2] and draws.drawn == 20
     assert len(draws.coefficients) == draws.valid == 6
     assert steps == [(12, 40), (24, 40), (36, 40), (40, 40)]
-    assert "only 6 valid trajectories in 20 draws, expected 40: drawn from eigen" in caplog.text
+    assert all(word in caplog.text for word in ("6", "20", "40", "drawn from eigen"))
 
 
-@pytest.mark.parametrize(
-    ("every", "least", "words"),
-    [
-        (1000, 1, "0 of 60 trajectories polished are valid; of the last 20, 20 violate torque of wrist"),
-        (20, 4, "3 of 60 trajectories polished are valid; of the last 20, 19 violate"),
-    ],
-)
-def test_too_few_are_refused(every, least, words):
-    with pytest.raises(InfeasibleError, match=words):
+@pytest.mark.parametrize(("every", "least", "valid"), [(1000, 1, "0"), (20, 4, "3")])
+def test_too_few_are_refused(every, least, valid):
+    with refused(InfeasibleError, f"{valid} of 60", "polished", "torque of wrist"):
         Source(every).draw(4, 20, 60, least, "polished")
