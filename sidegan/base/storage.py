@@ -69,8 +69,11 @@ def replacing_folder(path: Path, ours: Callable[[Path], bool]) -> Iterator[Path]
         yield new
         with writing(path):
             if path.exists():
-                for kept in (entry for entry in path.iterdir() if not (entry.is_file() and ours(entry))):
-                    (shutil.copytree if kept.is_dir() else shutil.copy2)(kept, new / kept.name)
+                for entry in path.iterdir():
+                    if entry.is_dir():
+                        shutil.copytree(entry, new / entry.name)
+                    elif not ours(entry):
+                        shutil.copy2(entry, new / entry.name)
                 path.rename(old)
             new.rename(path)
     finally:

@@ -142,7 +142,7 @@ def density_and_coverage(x: Array, other: Array) -> tuple[float, float]:
     return float(inside.sum(1).mean() / k), float(inside.any(0).mean())
 
 
-def told_apart(x: Array, other: Array) -> float:
+def classifier_accuracy(x: Array, other: Array) -> float:
     """Cross-validated accuracy of a classifier that tells rows of two sets apart; 0.5: it cannot.
 
     Ridge regression on standardised elements, their sizes, squares and products, with equally many rows of

@@ -59,7 +59,7 @@ class Goal:
     runs: int = 1  # 2: a tool's trajectory is also executed without it
 
 
-def _compiled(
+def _kernel_goal(
     goal: Goal, body: RigidBody, period: float
 ) -> tuple[information.JointTerms, Array, goals.GoalArrays]:
     """A goal for trajectories of a period [s], in the form that kernels take; ShapeError if it does not fit.
@@ -142,7 +142,7 @@ class Objective:
     ) -> None:
         constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
         arm, drives = body.arm, body.arm.known_drives
-        terms, subspace, arrays = _compiled(goal, body, trajectory.period)
+        terms, subspace, arrays = _kernel_goal(goal, body, trajectory.period)
         joints, harmonics, _ = trajectory.shape
         lower, upper = arm.position_lower, arm.position_upper
         middle, room = (upper + lower) / 2, (upper - lower) / 2
@@ -170,9 +170,17 @@ class Objective:
             basis=basis(self.samples, 3),
             fine=basis(self.finer, 2 + len(higher)),
             limits=PenaltyLimits(
-                *(0.0, 0.0, 0.0, 0.0),
-                *(middle, room, array(arm.velocity_limit), torque, parameters),
-                *(array(drives.viscous), array(drives.rotor_inertia)),
+                weight=0.0,
+                reserve=0.0,
+                torque_weight=0.0,
+                torque_reserve=0.0,
+                middle=middle,
+                room=room,
+                speed=array(arm.velocity_limit),
+                torque=torque,
+                parameters=parameters,
+                viscous=array(drives.viscous),
+                rotor=array(drives.rotor_inertia),
             ),
             higher=higher,
             close=0.0,

@@ -69,5 +69,5 @@ def likeness(library: Library, seeds: Library) -> dict[str, float]:
         "coverage": coverage,
         "density_diagonal": density_diagonal,
         "coverage_diagonal": coverage_diagonal,
-        "told_apart": fidelity.told_apart(c, other),
+        "told_apart": fidelity.classifier_accuracy(c, other),
     }

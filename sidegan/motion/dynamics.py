@@ -166,7 +166,9 @@ def gram(
     return np.concatenate(grams)
 
 
-_base_of = lru_cache(_ARMS)(BaseParameters.of)
+@lru_cache(_ARMS)
+def _base_of(arm: Arm) -> BaseParameters:
+    return BaseParameters.of(arm)
 
 
 def _first_independent(y: Array) -> Array:

@@ -8,6 +8,7 @@ import pytest
 from sidegan.design import fidelity
 from sidegan.design.fidelity import (
     beyond,
+    classifier_accuracy,
     density_and_coverage,
     distance_to,
     diversity,
@@ -16,7 +17,6 @@ from sidegan.design.fidelity import (
     mean_distance,
     nearest_distance,
     proportions,
-    told_apart,
 )
 
 N, D, BOX, NOISE, OFFSET = 300, 24, 0.2, 0.01, 0.3
@@ -34,7 +34,7 @@ MEASURES = {
     "nearest seed": lambda x: distance_to(x, OTHER),
     "density": lambda x: density_and_coverage(x, OTHER)[0],
     "coverage": lambda x: density_and_coverage(x, OTHER)[1],
-    "told apart": lambda x: told_apart(x, OTHER),
+    "told apart": lambda x: classifier_accuracy(x, OTHER),
 }
 APART = 0.66 * math.sqrt(2) * SPREAD  # the nearest of so many, as a share of the mean
 # What a good set has, such as the seeds' other half …
@@ -77,8 +77,8 @@ def test_every_kind_of_poor_set_is_detected_by_a_measure(name):
 
 
 def test_the_classifier_tells_apart_what_differs_in_one_way():
-    assert told_apart(HALF + OFFSET, OTHER) == 1.0
-    assert told_apart(HALF / 2, OTHER) == pytest.approx(0.95, abs=0.03)
+    assert classifier_accuracy(HALF + OFFSET, OTHER) == 1.0
+    assert classifier_accuracy(HALF / 2, OTHER) == pytest.approx(0.95, abs=0.03)
 
 
 def test_density_and_coverage_by_hand():

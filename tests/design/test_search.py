@@ -12,7 +12,7 @@ import pytest
 from sidegan.design import search as design_search
 from sidegan.design.objective import Goal
 from sidegan.design.problem import Problem, SearchSettings
-from sidegan.design.search import ConditionGoal, Found, design_set, proven, search
+from sidegan.design.search import ConditionGoal, Found, design_set, prove, search
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.identification import TorqueModel
 from sidegan.motion.dynamics import RigidBody
@@ -220,7 +220,7 @@ def test_a_set_is_what_its_goal_took_and_what_it_lacks_is_said(
 
 
 def test_no_trajectories_are_proven_at_once(planar_problem):
-    c, valid, verdict = proven(planar_problem, planar_problem.start(2, np.random.default_rng(0))[:0], 0.5)
+    c, valid, verdict = prove(planar_problem, planar_problem.start(2, np.random.default_rng(0))[:0], 0.5)
     assert c.shape == (0, 2, 3, 2) and valid.shape == verdict.valid.shape == (0,) and not verdict.faults()
 
 
