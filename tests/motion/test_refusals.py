@@ -26,7 +26,7 @@ def states(*shapes):
 
 REFUSALS = [  # what the message names, and the call
     ("planar2", lambda: STILL.base),
-    ("(4, 7)", partial(LWR.torque, *states((4, 6), (4, 7), (4, 7)))),
+    ("(4, 6)", partial(LWR.torque, *states((4, 6), (4, 7), (4, 7)))),
     ("(5, 7)", partial(LWR.torque, *states((4, 7), (5, 7), (4, 7)))),
     ("(7,)", partial(LWR.regressor, *states((4, 7), (4, 7), (7,)))),
     ("velocity", partial(PLANAR.drive_torque, [0, 0], ["a", "b"], [0, 0])),
