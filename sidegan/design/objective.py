@@ -204,7 +204,8 @@ class Objective:
 
     def __call__(self, x: Array, gradient: Array) -> tuple[float, float]:
         """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K)."""
-        state = descent.descent_state(*x.shape, 0)
+        joints, functions = x.shape
+        state = descent.descent_state(joints, functions, 0)
         state.x[:] = x.ravel()
         descent.descend(self.plan, state, self.scratch, 1)
         gradient[:] = state.gradient.reshape(x.shape)

@@ -127,5 +127,5 @@ def _alike(a: str, b: str) -> bool:
     """Whether two formulas are equal up to rounding of their numbers."""
     if _NUMBER.sub("#", a) != _NUMBER.sub("#", b):
         return False
-    numbers = [np.array(_NUMBER.findall(text), float) for text in (a, b)]
-    return np.allclose(*numbers, rtol=_ROUNDED, atol=0)
+    found, expected = np.array(_NUMBER.findall(a), float), np.array(_NUMBER.findall(b), float)
+    return np.allclose(found, expected, rtol=_ROUNDED, atol=0)
