@@ -32,7 +32,7 @@ _SAMPLES, _BATCHES = 20_000, 5
 
 def task() -> tuple[Any, Data]:
     """Variant eigen, and what it learns from: random seeds of the LWR."""
-    from sidegan.design.excitation import excite
+    from sidegan.design.excitation import measure_excitation
     from sidegan.design.problem import Problem
     from sidegan.gan.surrogates import Converter, SuccessPredictor
     from sidegan.motion.trajectory import Trajectory
@@ -46,7 +46,7 @@ def task() -> tuple[Any, Data]:
     arm = constraints.arm
     sizes = cfg.surrogates
     seeds = Problem(constraints, family).start(SEEDS, np.random.default_rng(0))
-    spectrum = excite(constraints.body, family, seeds[:200]).spectrum
+    spectrum = measure_excitation(constraints.body, family, seeds[:200]).spectrum
     predictor = SuccessPredictor(arm, family, len(constraints.labels), sizes.width, sizes.margin_steps)
     converter = Converter(arm, family, spectrum.shape[1], sizes.width, sizes.feature_steps)
     converter.fit_standard(tensor(spectrum))

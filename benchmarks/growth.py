@@ -19,7 +19,7 @@ from sidegan.design.selection import Selection, choose
 from sidegan.identification import RIGID, Measurements, TorqueModel
 from sidegan.identification.fit import gather, least_squares
 from sidegan.library.draw import Expansion, draw_valid
-from sidegan.library.measure import measured
+from sidegan.library.measure import library_of
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.compose import composed
@@ -96,7 +96,7 @@ def library(size: int) -> Costs:
     )
     found["draw and check"] = time.process_time() - start
     start = time.process_time()
-    made = measured(constraints, family, draws.coefficients, "random")
+    made = library_of(constraints, family, draws.coefficients, "random")
     found["measure"] = time.process_time() - start
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "library.parquet"

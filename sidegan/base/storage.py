@@ -58,7 +58,7 @@ def replacing_folder(path: Path, ours: Callable[[Path], bool]) -> Iterator[Path]
 
     Existing contents that are not ``ours`` are kept. After a failure ``path`` is unchanged.
     """
-    new, old = (path.with_name(f".{path.name}.{word}") for word in ("new", "old"))
+    new, old = path.with_name(f".{path.name}.new"), path.with_name(f".{path.name}.old")
     with writing(path):
         if old.exists() and not path.exists():  # a run was killed between the two renames below
             old.rename(path)
@@ -69,8 +69,11 @@ def replacing_folder(path: Path, ours: Callable[[Path], bool]) -> Iterator[Path]
         yield new
         with writing(path):
             if path.exists():
-                for kept in (entry for entry in path.iterdir() if not (entry.is_file() and ours(entry))):
-                    (shutil.copytree if kept.is_dir() else shutil.copy2)(kept, new / kept.name)
+                for entry in path.iterdir():
+                    if entry.is_dir():
+                        shutil.copytree(entry, new / entry.name)
+                    elif not ours(entry):
+                        shutil.copy2(entry, new / entry.name)
                 path.rename(old)
             new.rename(path)
     finally:

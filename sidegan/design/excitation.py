@@ -48,7 +48,7 @@ def excitation_of(body: RigidBody, grams: Array) -> Excitation:
     return Excitation(np.linalg.eigvalsh(c.T @ grams @ c), np.linalg.diagonal(grams))
 
 
-def excite(body: RigidBody, trajectory: Trajectory, c: Array, samples: int = 80) -> Excitation:
+def measure_excitation(body: RigidBody, trajectory: Trajectory, c: Array, samples: int = 80) -> Excitation:
     """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2)."""
     trajectory.check(c)
     return excitation_of(body, gram(body, trajectory, c, samples))

@@ -20,7 +20,7 @@ _FOLDS = 10  # of the classifier's cross-validation
 _RIDGE = 0.1  # of the classifier
 _NOTHING = 1e-12  # norm below which a row has no direction
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 def diversity(c: Array, diagonal: Array) -> dict[str, float]:
@@ -32,7 +32,7 @@ def diversity(c: Array, diagonal: Array) -> dict[str, float]:
     if len(c) < 2:
         return {}
     if len(c) > _EXACT:
-        log.info("diversity of %d trajectories is estimated from a sample of them", len(c))
+        _log.info("diversity of %d trajectories is estimated from a sample of them", len(c))
     batch = max(2, len(c) // _NOISE_BATCHES)
     pairs = [
         (mean_distance(x), mean_distance(y))
@@ -142,7 +142,7 @@ def density_and_coverage(x: Array, other: Array) -> tuple[float, float]:
     return float(inside.sum(1).mean() / k), float(inside.any(0).mean())
 
 
-def told_apart(x: Array, other: Array) -> float:
+def classifier_accuracy(x: Array, other: Array) -> float:
     """Cross-validated accuracy of a classifier that tells rows of two sets apart; 0.5: it cannot.
 
     Ridge regression on standardised elements, their sizes, squares and products, with equally many rows of

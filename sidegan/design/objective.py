@@ -14,9 +14,9 @@ import numpy as np
 from sidegan.base.arrays import Array, flatten
 from sidegan.design.problem import Problem
 from sidegan.errors import ShapeError
-from sidegan.kernels import goals, information
+from sidegan.kernels import descent, goals, information
 from sidegan.kernels import objective as kernel
-from sidegan.kernels.dynamics import Limits
+from sidegan.kernels.dynamics import PenaltyLimits
 from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.operations import columns_of_links, share
@@ -32,7 +32,7 @@ _LEAST = 1e-3  # lower bound of the torque that dry friction leaves, as a share 
 _DISTANCE = 0.25  # clearance equivalent to a whole limit [m]
 
 
-class Linear(Protocol):
+class LinearTorqueModel(Protocol):
     """A torque model that is linear in P parameters: rigid body first, then terms of single joints."""
 
     body: RigidBody
@@ -53,13 +53,13 @@ class Goal:
     prior: Array | None = None  # prior information, (P, P)
     certainty: Array | None = None  # inverse standard deviation of each joint's torque, (J,); None: ones
     rate: float = 1.0  # of samples with independent errors [Hz]
-    model: Linear | None = None  # to identify, with friction and rotors; None: rigid bodies
+    model: LinearTorqueModel | None = None  # to identify, with friction and rotors; None: rigid bodies
     targets: Array | None = None  # (R, P)
     doubt: Array | None = None  # prior information on a tool, (R, R)
     runs: int = 1  # 2: a tool's trajectory is also executed without it
 
 
-def _compiled(
+def _kernel_goal(
     goal: Goal, body: RigidBody, period: float
 ) -> tuple[information.JointTerms, Array, goals.GoalArrays]:
     """A goal for trajectories of a period [s], in the form that kernels take; ShapeError if it does not fit.
@@ -77,7 +77,7 @@ def _compiled(
     terms = information.no_terms(body.joints)
     if goal.model is not None:
         first = np.searchsorted(joints[by_joint], np.arange(body.joints + 1))
-        named = [information.KINDS.index(goal.model.terms.kinds[k]) for k in kinds[by_joint].tolist()]
+        named = [information.TERM_KINDS.index(goal.model.terms.kinds[k]) for k in kinds[by_joint].tolist()]
         sign_width = goal.model.terms.sign_width
         terms = information.JointTerms(np.array(named, np.int64), first, sign_width, np.ones(body.joints))
     if goal.certainty is not None:
@@ -142,7 +142,7 @@ class Objective:
     ) -> None:
         constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
         arm, drives = body.arm, body.arm.known_drives
-        terms, subspace, arrays = _compiled(goal, body, trajectory.period)
+        terms, subspace, arrays = _kernel_goal(goal, body, trajectory.period)
         joints, harmonics, _ = trajectory.shape
         lower, upper = arm.position_lower, arm.position_upper
         middle, room = (upper + lower) / 2, (upper - lower) / 2
@@ -169,10 +169,18 @@ class Objective:
             matrix=array(matrix),
             basis=basis(self.samples, 3),
             fine=basis(self.finer, 2 + len(higher)),
-            limits=Limits(
-                *(0.0, 0.0, 0.0, 0.0),
-                *(middle, room, array(arm.velocity_limit), torque, parameters),
-                *(array(drives.viscous), array(drives.rotor_inertia)),
+            limits=PenaltyLimits(
+                weight=0.0,
+                reserve=0.0,
+                torque_weight=0.0,
+                torque_reserve=0.0,
+                middle=middle,
+                room=room,
+                speed=array(arm.velocity_limit),
+                torque=torque,
+                parameters=parameters,
+                viscous=array(drives.viscous),
+                rotor=array(drives.rotor_inertia),
             ),
             higher=higher,
             close=0.0,
@@ -180,7 +188,7 @@ class Objective:
             goal=arrays,
         )
         self.plan = plan if penalty is None else self.penalised(plan, penalty)
-        self.scratch = kernel.scratch(self.plan)
+        self.scratch = kernel.plan_buffers(self.plan)
 
     def penalised(self, plan: kernel.Plan, penalty: Penalty) -> kernel.Plan:
         """Plan with another penalty."""
@@ -196,7 +204,12 @@ class Objective:
 
     def __call__(self, x: Array, gradient: Array) -> tuple[float, float]:
         """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K)."""
-        return kernel.objective(self.plan, x, gradient, self.scratch)
+        joints, functions = x.shape
+        state = descent.descent_state(joints, functions, 0)
+        state.x[:] = x.ravel()
+        descent.descend(self.plan, state, self.scratch, 1)
+        gradient[:] = state.gradient.reshape(x.shape)
+        return float(state.numbers[descent.GOAL]), float(state.numbers[descent.COST])
 
 
 def evaluator(problem: Problem) -> Callable[[Array], Array]:
@@ -238,7 +251,7 @@ def pull_back(
     def work(k: slice) -> None:
         local = Objective(problem, Goal(certainty=certainty), penalty)  # for this thread
         for n in range(len(x))[k]:
-            cost[n] = kernel.pull_back(local.plan, x[n], v[n], w[n], gradient[n], local.scratch)
+            cost[n] = kernel.energy_gradient(local.plan, x[n], v[n], w[n], gradient[n], local.scratch)
 
     share(work, len(x), problem.samples)
     return cost, gradient.reshape(c.shape)

@@ -17,7 +17,7 @@ def compile_kernels() -> None:
     """Compile the kernels of the proof, of Gram matrices, and last those that a search compiles first."""
     unit = np.eye(2)
     goal = goals.GoalArrays(goals.CONDITION, unit, 1.0, unit, unit, 1.0)
-    goals.goal_of.compile_for(goal, unit, unit, goals.scratch(goal))
+    goals.goal_of.compile_for(goal, unit, unit, goals.goal_buffers(goal))
     constraints = Constraints(load_robot("planar2"))
     family = Trajectory(2)
     problem = Problem(constraints, family)

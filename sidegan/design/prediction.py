@@ -18,7 +18,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.operations import eigh
 from sidegan.motion.trajectory import Trajectory
 
-SAMPLES = 40  # least samples per trajectory: more change the sums by less than 1 %
+LEAST_SAMPLES = 40  # least samples per trajectory: more change the sums by less than 1 %
 _PER_HARMONIC = 7  # least samples per harmonic
 TOGETHER, DRAWS = 35, 200  # trajectories per set, as in the paper, and number of random sets
 _STATES_AT_ONCE = 4096  # per regressor: 10 MB at seven joints
@@ -84,21 +84,24 @@ class Prediction:
         rate: float = 100.0,
         prior: float = 1e6,
     ) -> "Prediction":
-        """Errors after measurements at a rate [Hz], represented by ``sampled`` times; P₀ = prior · I."""
-        times = sampled(trajectory)
+        """Errors after measurements at a rate [Hz], represented by ``sample_times``; P₀ = prior · I."""
+        times = sample_times(trajectory)
         each = trajectory.period * rate / len(times)
         return cls(body, trajectory, wanted, noise, times, each=each, least=1 / prior)
 
     def informations(self, c: Array) -> tuple[Array, Array]:
         """Information M and noise S, (N, p, p) each, of trajectories [rad/s], (N, J, H, 2)."""
-        both, by = [], self.noise
+        information, noise = list[Array](), list[Array]()
+        by = self.noise
         for y, torque in _equations(self.body, self.trajectory, c, self.times):
             weighted = by.weights[:, None] * y
             variance = by.level**2 / 3 * np.square(torque) + np.square(by.deviation)
             noisy = (by.weights * np.sqrt(variance)).mT[:, None] * weighted
-            both.append([x @ x.mT for x in (flatten(weighted, 2), flatten(noisy, 2))])
-        information, noise = (self.each * np.concatenate(x) for x in zip(*both))
-        return information, noise
+            rows = flatten(weighted, 2)
+            information.append(rows @ rows.mT)
+            rows = flatten(noisy, 2)
+            noise.append(rows @ rows.mT)
+        return self.each * np.concatenate(information), self.each * np.concatenate(noise)
 
     def nmse(self, information: Array, noise: Array) -> Array:
         """Expected nMSE, (B, K), of each joint whose torque varies, from sums over sets, (B, p, p) each."""
@@ -141,9 +144,9 @@ def error_slope(wanted: Array, information: Array, noise: Array) -> tuple[Array,
     return white @ rotation, np.maximum(-shares, 0)
 
 
-def sampled(trajectory: Trajectory) -> Array:
+def sample_times(trajectory: Trajectory) -> Array:
     """Times [s], (T,), sufficient for sums over a period."""
-    return trajectory.grid(max(SAMPLES, _PER_HARMONIC * trajectory.harmonics))
+    return trajectory.grid(max(LEAST_SAMPLES, _PER_HARMONIC * trajectory.harmonics))
 
 
 def inverse_of(information: Array, least: float) -> Array:
@@ -175,7 +178,7 @@ def wanted_torques(body: RigidBody, trajectory: Trajectory, c: Array, times: Arr
 
 def torque_size(body: RigidBody, trajectory: Trajectory, c: Array) -> Array:
     """Root mean square torque of each joint along trajectories [N·m or N], (J,)."""
-    torques = [torque for _, torque in _equations(body, trajectory, c, sampled(trajectory))]
+    torques = [torque for _, torque in _equations(body, trajectory, c, sample_times(trajectory))]
     return np.sqrt(np.square(np.concatenate(torques)).mean((0, 1)))
 
 

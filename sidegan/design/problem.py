@@ -118,7 +118,8 @@ class Coordinates:
         arm = problem.constraints.arm
         trajectory = problem.trajectory
         times = trajectory.grid(_POINTS * trajectory.harmonics)
-        position, velocity = (flatten(trajectory.basis(times, order), 1) for order in (0, 1))
+        position = flatten(trajectory.basis(times, 0), 1)
+        velocity = flatten(trajectory.basis(times, 1), 1)
         room = ((arm.position_upper - arm.position_lower) / 2)[:, None, None]
         speed = arm.velocity_limit[:, None, None]
         unit = np.eye(2 * trajectory.harmonics)

@@ -65,7 +65,7 @@ class Descent:
         self._objective = Objective(problem, goal, rough, refine, self.coordinates.matrix)
         self._strict = self._objective.penalised(self._objective.plan, replace(rough, weight=_STRICT))
         joints, harmonics, _ = problem.trajectory.shape
-        self._state = descent.search(joints, 2 * harmonics, _MEMORY)
+        self._state = descent.descent_state(joints, 2 * harmonics, _MEMORY)
 
     def start(self, random: np.random.Generator, reach: float = _REACH) -> Array:
         """A random point, (J, 2 H), at which each joint uses ``reach`` of its tightest limit."""
@@ -92,7 +92,7 @@ class Descent:
         descent.descend(plan, self._state, self._objective.scratch, evaluations)
 
 
-def proven(problem: Problem, c: Array, smallest: float) -> tuple[Array, Array, Validity]:
+def prove(problem: Problem, c: Array, smallest: float) -> tuple[Array, Array, Validity]:
     """Scale trajectories [rad/s], (B, J, H, 2), down until they are valid; also whether they are, (B,).
 
     They shrink towards home, but not below the scale ``smallest``; the verdict is that of the last check.
@@ -152,13 +152,13 @@ def search(
         done += count
         least = math.inf if best is None else best.value - _BETTER
         if searching.value(c[0]) < least:
-            shrunk, valid, verdict = proven(problem, c, _SLIGHTLY)
+            shrunk, valid, verdict = prove(problem, c, _SLIGHTLY)
             if not valid.all():
                 failed = c
             elif (value := searching.value(shrunk[0])) < least:
                 best = Found(shrunk[0], value)
     if best is None and failed is not None:
-        shrunk, valid, verdict = proven(problem, failed, _SHARES[-1])
+        shrunk, valid, verdict = prove(problem, failed, _SHARES[-1])
         if valid.all():
             share = float(np.linalg.norm(shrunk) / np.linalg.norm(failed))
             best = Found(shrunk[0], searching.value(shrunk[0]), share)
@@ -218,9 +218,11 @@ def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSett
                 raise
             unproven.append(error)
             continue
-        (kept if found.share >= _SCRAP else tiny).append(found.coefficients)
         if found.share >= _SCRAP:
+            kept.append(found.coefficients)
             goal.take(problem.trajectory, found.coefficients)
+        else:
+            tiny.append(found.coefficients)
     if not kept:
         kept, tiny = tiny, []
         for c in kept:

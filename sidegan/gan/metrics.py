@@ -3,14 +3,14 @@
 import numpy as np
 
 from sidegan.base.arrays import Array, geometric_mean
-from sidegan.design.excitation import excite
+from sidegan.design.excitation import measure_excitation
 from sidegan.design.fidelity import beyond, diversity, mean_distance, proportions
 from sidegan.design.prediction import (
     TOGETHER,
     Prediction,
     TorqueNoise,
     random_motions,
-    sampled,
+    sample_times,
     wanted_torques,
 )
 from sidegan.design.problem import Problem
@@ -41,7 +41,7 @@ def measure_samples(
     median over the valid ones (NaN if there are none). ``expected_errors`` uses the valid ones only.
     """
     valid = check(constraints, trajectory, c).valid
-    excitation = excite(constraints.body, trajectory, c)
+    excitation = measure_excitation(constraints.body, trajectory, c)
     condition = excitation.eigenvalue_fitness
     return {
         "success": float(valid.mean()),
@@ -65,7 +65,7 @@ def random_set_errors(constraints: Constraints, trajectory: Trajectory, c: Array
     """
     body = constraints.body
     motions = random_motions(Problem(constraints, trajectory))
-    wanted = wanted_torques(body, trajectory, motions, sampled(trajectory))
+    wanted = wanted_torques(body, trajectory, motions, sample_times(trajectory))
     errors: dict[str, float] = {}
     for name, noise in zip(("error", "error_constant"), noises(body).values()):
         predicting = Prediction.at_rate(body, trajectory, wanted, noise)

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from sidegan.base.arrays import Array, split
 from sidegan.base.parallel import Report
-from sidegan.design.excitation import excite
+from sidegan.design.excitation import measure_excitation
 from sidegan.errors import ArtifactError
 from sidegan.gan.published import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
@@ -66,7 +66,7 @@ def label(
     """Exact labels of coefficients (N, J, H, 2), with margins at ``steps`` time points per trajectory."""
     parts = []
     for done, batch in enumerate(split(c, _LABELLED)):
-        excitation = excite(constraints.body, trajectory, batch)
+        excitation = measure_excitation(constraints.body, trajectory, batch)
         valid = check(constraints, trajectory, batch).valid
         margins = scaled_margins(constraints, trajectory, batch, steps)
         reward = batch[:, 0, 0, :0] if energies is None else energies(batch)

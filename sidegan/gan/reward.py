@@ -17,7 +17,7 @@ from sidegan.design.prediction import (
     TorqueNoise,
     error_slope,
     random_motions,
-    sampled,
+    sample_times,
     wanted_torques,
 )
 from sidegan.design.problem import Problem
@@ -86,7 +86,7 @@ class Worth:
         body, family = problem.body, problem.trajectory
         times = family.grid(problem.samples)
         motions = random_motions(problem, _MOTIONS, seed=_STREAM)
-        wanted = wanted_torques(body, family, motions, sampled(family))
+        wanted = wanted_torques(body, family, motions, sample_times(family))
         self.problem = problem
         self.prediction = Prediction(body, family, wanted, noise, times, 1 / len(times))
         self.means = np.zeros((2, *wanted.shape[1:]))
@@ -121,7 +121,7 @@ class Energies:
     """
 
     def __init__(self, constraints: Constraints, trajectory: Trajectory, seeds: Array) -> None:
-        self.problem = Problem(constraints, trajectory, len(sampled(trajectory)))
+        self.problem = Problem(constraints, trajectory, len(sample_times(trajectory)))
         self.parts: dict[str, tuple[Array, Array, Array]] = {}
         for name, noise in noises(constraints.body).items():
             worth = Worth(self.problem, noise)

@@ -9,7 +9,7 @@ from typing import Any, cast
 import torch
 from torch import Tensor, nn
 
-from sidegan.design.excitation import excite
+from sidegan.design.excitation import measure_excitation
 from sidegan.design.objective import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
@@ -61,7 +61,7 @@ class Eigen(Vanilla):
     def seeds_features(self) -> Tensor:
         """Exact features of the seeds, (N, p), standardised like the converter's."""
         data = self.data
-        excitation = excite(data.constraints.body, data.trajectory, data.seeds)
+        excitation = measure_excitation(data.constraints.body, data.trajectory, data.seeds)
         return self.converter.standardise(tensor(getattr(excitation, str(self.settings.features))))
 
     def losses(self) -> list[Loss]:

@@ -21,9 +21,9 @@ from sidegan.kernels.dynamics import (
     step_of,
     store,
 )
-from sidegan.kernels.formulas import Vector, add, cross, dot, less, product, times, to_parent
+from sidegan.kernels.formulas import Vector, add, cross, dot, less, matrix_product, scale, to_parent
 from sidegan.kernels.jit import kernel
-from sidegan.kernels.links import TOUCHING, Joint, joint, placement, row
+from sidegan.kernels.links import TOUCHING, ChainJoint, joint, placement, row
 
 PLACE, AXIS, _FRAME = 9, 12, 15  # rows of a frame: rotation, origin, the joint's axis in the world
 A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: end points and midpoint of its axis
@@ -32,7 +32,7 @@ A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: end points and midpoint o
 Span = tuple[int, int]  # consecutive samples: the first one, and their number
 
 
-class Scratch(NamedTuple):
+class DistanceBuffers(NamedTuple):
     """Scratch arrays of one thread: rows of lanes."""
 
     world: Array  # base and joint frames, (J + 1, _FRAME · LANES)
@@ -40,22 +40,22 @@ class Scratch(NamedTuple):
     gap: Array  # distances or their squares, (LANES,)
 
 
-def scratch(capsules: int, joints: int) -> Scratch:
+def distance_buffers(capsules: int, joints: int) -> DistanceBuffers:
     """Scratch arrays of one thread."""
     world = aligned(joints + 1, _FRAME * LANES)
     world[0].reshape(_FRAME, LANES)[[0, 4, 8]] = 1.0  # the base frame is the world frame
-    return Scratch(world, aligned(capsules, _ENDS * LANES), aligned(1, LANES)[0])
+    return DistanceBuffers(world, aligned(capsules, _ENDS * LANES), aligned(1, LANES)[0])
 
 
 @kernel
-def _place(j: Joint, state: Array, block: Block, base: Lanes, frame: Lanes) -> None:
+def _place(j: ChainJoint, state: Array, block: Block, base: Lanes, frame: Lanes) -> None:
     """Write a joint's frame in the world for a block of samples, from its parent's."""
     i, start, count = block
     for n in range(min(count, LANES)):
         at = start + n
         r, shift = placement(j, state[SIN, i, at], state[COS, i, at], state[Q, i, at])
         turn = load_turn(base, n)
-        world = product(turn, r)
+        world = matrix_product(turn, r)
         store(frame, 0, n, world[0])
         store(frame, 3, n, world[1])
         store(frame, 6, n, world[2])
@@ -72,11 +72,11 @@ def _place_capsule(shapes: Shapes, k: int, frame: Lanes, ends: Lanes, count: int
         a, b = add(place, to_parent(turn, one)), add(place, to_parent(turn, two))
         store(ends, A, n, a)
         store(ends, B, n, b)
-        store(ends, MIDDLE, n, times(0.5, add(a, b)))
+        store(ends, MIDDLE, n, scale(0.5, add(a, b)))
 
 
 @kernel
-def _push(chain: Chain, work: Scratch, at: Block, point: Vector, force: Vector, push: Array) -> None:
+def _push(chain: Chain, work: DistanceBuffers, at: Block, point: Vector, force: Vector, push: Array) -> None:
     """Add to the gradient in the positions, (J, S), that of a function with gradient ``force`` in a point."""
     frame, start, n = at
     for j in range(frame):
@@ -90,7 +90,7 @@ def _push(chain: Chain, work: Scratch, at: Block, point: Vector, force: Vector, 
 
 @kernel
 def _pairs(
-    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Scratch
+    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: DistanceBuffers
 ) -> tuple[float, float]:
     """Penalty and smallest distance of capsule pairs in a block of samples; see ``keep_apart``."""
     (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
@@ -111,15 +111,15 @@ def _pairs(
                 if weight > 0 and short > 0:
                     total += weight * short * short
                     if distance > TOUCHING:  # crossing axes have no direction between them
-                        force = times(-2 * weight * short / distance, less(a, b))
+                        force = scale(-2 * weight * short / distance, less(a, b))
                         _push(chain, work, (shapes.frame[i], start, n), a, force, push)
-                        _push(chain, work, (shapes.frame[k], start, n), b, times(-1.0, force), push)
+                        _push(chain, work, (shapes.frame[k], start, n), b, scale(-1.0, force), push)
     return total, least
 
 
 @kernel
 def _regions(
-    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Scratch
+    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: DistanceBuffers
 ) -> tuple[float, float]:
     """Penalty and smallest distance of capsules from keep-out regions; see ``keep_apart``."""
     (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
@@ -136,14 +136,19 @@ def _regions(
                 least = min(least, distance - shapes.radius[k])
                 if weight > 0 and short > 0:
                     total += weight * short * short
-                    force = times(-2 * weight * short, away)
+                    force = scale(-2 * weight * short, away)
                     _push(chain, work, (shapes.frame[k], start, n), point, force, push)
     return total, least
 
 
 @kernel
 def keep_apart(
-    chain: Chain, shapes: Shapes, states: Array, asked: tuple[float, float], push: Array, work: Scratch
+    chain: Chain,
+    shapes: Shapes,
+    states: Array,
+    asked: tuple[float, float],
+    push: Array,
+    work: DistanceBuffers,
 ) -> tuple[float, float, float]:
     """Penalty over all samples, and the smallest distances [m] of pairs and of regions, at most ``reach``.
 

@@ -18,8 +18,8 @@ from sidegan.kernels.formulas import (
     cross,
     dot,
     less,
-    product,
-    times,
+    matrix_product,
+    scale,
     to_child,
     to_parent,
 )
@@ -36,7 +36,7 @@ class Bodies(NamedTuple):
     hulls: Hulls
 
 
-class Place(NamedTuple):
+class Pose(NamedTuple):
     """Pose of an arm, with scratch for a distance search; one per thread."""
 
     turn: Array  # rotations of the base and joint frames in the world, (J + 1, 9)
@@ -47,28 +47,28 @@ class Place(NamedTuple):
     search: Array  # (6, 4), see ``gjk.apart``
 
 
-def place_for(shapes: Shapes, joints: int) -> Place:
+def pose_for(shapes: Shapes, joints: int) -> Pose:
     """Empty pose of an arm whose base frame is the world frame."""
     sizes = (joints + 1, 9), (joints + 1, 3), (joints, 9), (joints, 3), (3, len(shapes.frame), 3), (6, 4)
-    at = Place(*map(np.zeros, sizes))
+    at = Pose(*map(np.zeros, sizes))
     at.turn[0] = np.eye(3).flatten()
     return at
 
 
 @inline
-def place_joints(chain: Chain, q: Array, at: Place) -> None:
+def place_joints(chain: Chain, q: Array, at: Pose) -> None:
     """Write the joint frames at positions (J,)."""
     for i in range(len(q)):
         r, shift = placement(joint(chain, i), math.sin(q[i]), math.cos(q[i]), q[i])
         parent = matrix(at.turn, i)
         set_matrix(at.own, i, r)
         set_row(at.shift, i, shift)
-        set_matrix(at.turn, i + 1, product(parent, r))
+        set_matrix(at.turn, i + 1, matrix_product(parent, r))
         set_row(at.place, i + 1, add(row(at.place, i), to_parent(parent, shift)))
 
 
 @inline
-def place_capsule(shapes: Shapes, c: int, at: Place) -> None:
+def place_capsule(shapes: Shapes, c: int, at: Pose) -> None:
     """Write the end points and the midpoint of a capsule's axis in the world."""
     f = shapes.frame[c]
     turn, origin = matrix(at.turn, f), row(at.place, f)
@@ -76,11 +76,11 @@ def place_capsule(shapes: Shapes, c: int, at: Place) -> None:
     b = add(origin, to_parent(turn, row(shapes.ends[1], c)))
     set_row(at.ends[0], c, a)
     set_row(at.ends[1], c, b)
-    set_row(at.ends[2], c, times(0.5, add(a, b)))
+    set_row(at.ends[2], c, scale(0.5, add(a, b)))
 
 
 @inline
-def ordered(shapes: Shapes, p: int) -> tuple[int, int, int, int]:
+def inner_and_outer(shapes: Shapes, p: int) -> tuple[int, int, int, int]:
     """Inner and outer capsule of a pair, and their frames."""
     i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
     if shapes.frame[i] > shapes.frame[k]:
@@ -97,7 +97,7 @@ def near_pair(shapes: Shapes, ends: Array, p: int) -> tuple[float, Vector, Vecto
 
 
 @kernel
-def clearances(chain: Chain, shapes: Shapes, q: Array, pairs: Array, regions: Array, at: Place) -> None:
+def signed_distances(chain: Chain, shapes: Shapes, q: Array, pairs: Array, regions: Array, at: Pose) -> None:
     """Write signed distances [m] of capsule pairs, (N, P), and of guarded capsules from regions, (N, K).
 
     Negative distances are overlaps. Positions [rad or m] are (N, J).
@@ -115,7 +115,7 @@ def clearances(chain: Chain, shapes: Shapes, q: Array, pairs: Array, regions: Ar
 
 
 @inline
-def direction(shapes: Shapes, ends: Array, p: int) -> Vector:
+def pair_direction(shapes: Shapes, ends: Array, p: int) -> Vector:
     """A direction from the second to the first of a pair's capsules."""
     _, one, two = near_pair(shapes, ends, p)
     gap = less(one, two)
@@ -132,7 +132,7 @@ def _transposed(m: Matrix) -> Matrix:
 
 
 @kernel
-def near_pieces(bodies: Bodies, at: Place, p: int, need: float, known: Vector) -> float:
+def near_pieces(bodies: Bodies, at: Pose, p: int, need: float, known: Vector) -> float:
     """Lower bound on the distance [m] of the hulls in a pair's capsules, plus its allowance: ``gjk.apart``.
 
     The search starts along ``known``, a direction from the second to the first in the first capsule's frame,
@@ -142,17 +142,17 @@ def near_pieces(bodies: Bodies, at: Place, p: int, need: float, known: Vector) -
     i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
     f, g = shapes.frame[i], shapes.frame[k]
     own = matrix(at.turn, f)
-    turn = product(_transposed(own), matrix(at.turn, g))
+    turn = matrix_product(_transposed(own), matrix(at.turn, g))
     place = to_child(own, less(row(at.place, g), row(at.place, f)))
     start = known
     if dot(known, known) == 0.0:
-        start = to_child(own, direction(shapes, at.ends, p))
+        start = to_child(own, pair_direction(shapes, at.ends, p))
     closer = shapes.closer[p]
     return apart(bodies.hulls, (i, k), turn, place, start, need - closer, at.search) + closer
 
 
 @kernel
-def distances(bodies: Bodies, q: Array, asked: Array, need: float, out: Array, at: Place) -> None:
+def distances(bodies: Bodies, q: Array, asked: Array, need: float, out: Array, at: Pose) -> None:
     """Write lower bounds on the distances [m] of hulls, (M,), at positions (N, J); see ``gjk.apart``.
 
     ``asked`` holds row of q and pair for each distance, (M, 2) int, sorted by row.
@@ -169,7 +169,7 @@ def distances(bodies: Bodies, q: Array, asked: Array, need: float, out: Array, a
 
 
 @inline
-def _reached(bodies: Bodies, at: Place, p: int, half: Array, reach: Array) -> float:
+def _reached(bodies: Bodies, at: Pose, p: int, half: Array, reach: Array) -> float:
     """Largest displacement [m] of a pair's outer body against its inner one, for joint motions up to half.
 
     A point's distance from a joint axis changes only by the motion of joints further out. So the current
@@ -177,7 +177,7 @@ def _reached(bodies: Bodies, at: Place, p: int, half: Array, reach: Array) -> fl
     positions.
     """
     chain = bodies.chain
-    _, c, inner, outer = ordered(bodies.shapes, p)
+    _, c, inner, outer = inner_and_outer(bodies.shapes, p)
     a, b, total = row(at.ends[0], c), row(at.ends[1], c), 0.0
     for j in range(outer - 1, inner - 1, -1):
         lever = reach[p, j]
@@ -192,14 +192,14 @@ def _reached(bodies: Bodies, at: Place, p: int, half: Array, reach: Array) -> fl
 
 @kernel
 def never_touch(
-    bodies: Bodies, reach: Array, p: int, gap: float, boxes: Array, budget: int, at: Place
+    bodies: Bodies, reach: Array, p: int, gap: float, boxes: Array, budget: int, at: Pose
 ) -> bool:
     """Whether pair p provably stays farther apart than a gap [m] at all positions, within a budget of boxes.
 
     ``reach`` is the largest lever arm of each joint for the pair's hulls, (P, J); ``boxes`` a stack of boxes
     of positions, centres and half widths, (2, D, J), the first of which holds all positions.
     """
-    inner, outer, first, last = ordered(bodies.shapes, p)
+    inner, outer, first, last = inner_and_outer(bodies.shapes, p)
     count = 1
     for _ in range(budget):
         count -= 1

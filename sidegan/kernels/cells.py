@@ -10,27 +10,27 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.kernels.bodies import Bodies, Place, ordered, place_for
+from sidegan.kernels.bodies import Bodies, Pose, inner_and_outer, pose_for
 from sidegan.kernels.chain import Chain, Shapes
 from sidegan.kernels.distances import Contact
 from sidegan.kernels.formulas import (
     Vector,
     add,
-    carried,
-    carried_bounds,
-    carried_rate,
     cross,
     dot,
     less,
     link_bounds,
-    moved,
-    moved_rate,
-    times,
+    link_motion,
+    link_motion_rate,
+    scale,
     to_child,
     to_parent,
     wrench_bounds,
+    wrench_bounds_in_parent,
+    wrench_in_parent,
     wrench_of,
     wrench_rate,
+    wrench_rate_in_parent,
 )
 from sidegan.kernels.gjk import farthest
 from sidegan.kernels.jit import inline, inline_in_any_order, kernel
@@ -76,7 +76,7 @@ class Work(NamedTuple):
 
     state: Array  # position, velocity, acceleration, jerk, (4, J)
     motion: Array  # bounds on position change, velocity change, speed and acceleration in a cell, (4, J)
-    at: Place  # pose of the arm
+    at: Pose  # pose of the arm
     wrench: Array  # force and moment on each link, and their rates, (4, J, 3)
     torque: Array  # torques and their rates, (2, J)
     sums: Array  # bounds on each link's force, then moment, with their first two derivatives, (6, J)
@@ -88,13 +88,21 @@ class Work(NamedTuple):
 def work_space(model: Model) -> Work:
     """Scratch arrays of one thread for a model."""
     j, shapes = len(model.home), model.bodies.shapes
-    sizes = {"wrench": (4, j, 3), "sums": (6, j), "twist": (2, j + 1, 3), "axes": (len(shapes.pairs), 3)}
-    sizes |= dict.fromkeys(("state", "motion"), (4, j)) | dict.fromkeys(("torque", "bent"), (2, j))
-    return Work(at=place_for(shapes, j), **{name: np.zeros(size) for name, size in sizes.items()})
+    return Work(
+        state=np.zeros((4, j)),
+        motion=np.zeros((4, j)),
+        at=pose_for(shapes, j),
+        wrench=np.zeros((4, j, 3)),
+        torque=np.zeros((2, j)),
+        sums=np.zeros((6, j)),
+        bent=np.zeros((2, j)),
+        twist=np.zeros((2, j + 1, 3)),
+        axes=np.zeros((len(shapes.pairs), 3)),
+    )
 
 
 @inline_in_any_order
-def roll_out(home: Array, motions: Motions, n: int, at: int, state: Array) -> None:
+def write_state(home: Array, motions: Motions, n: int, at: int, state: Array) -> None:
     """Write position, velocity, acceleration and jerk, (4, J), of trajectory n at a row of the basis."""
     c, basis = motions.c, motions.basis
     for j in range(c.shape[1]):
@@ -120,7 +128,7 @@ def bound_motion(state: Array, motions: Motions, n: int, motion: Array) -> None:
 
 
 @inline
-def torques(model: Model, work: Work) -> None:
+def cell_torques(model: Model, work: Work) -> None:
     """Inverse dynamics [N·m] by the recursive Newton-Euler algorithm, with rotors and viscous friction."""
     chain, at, still = model.bodies.chain, work.at, (0.0, 0.0, 0.0)
     joints, g = len(model.home), chain.gravity
@@ -128,7 +136,7 @@ def torques(model: Model, work: Work) -> None:
     for i in range(joints):
         r, shift = matrix(at.own, i), row(at.shift, i)
         j, rates = joint(chain, i), (work.state[1, i], work.state[2, i])
-        motion = moved(j.axis, j.slides, r, shift, rates, motion)
+        motion = link_motion(j.axis, j.slides, r, shift, rates, motion)
         force, moment = wrench_of(ten(model.parameters, 10 * i), motion)
         set_row(work.wrench[0], i, force)
         set_row(work.wrench[1], i, moment)
@@ -137,20 +145,20 @@ def torques(model: Model, work: Work) -> None:
         f, n = add(f, row(work.wrench[0], i)), add(n, row(work.wrench[1], i))
         own = model.viscous[i] * work.state[1, i] + model.rotor[i] * work.state[2, i]
         work.torque[0, i] = dot(row(chain.axis, i), f if chain.prismatic[i] else n) + own
-        f, n = carried(matrix(at.own, i), row(at.shift, i), (f, n))
+        f, n = wrench_in_parent(matrix(at.own, i), row(at.shift, i), (f, n))
 
 
 @kernel
 def torque_rates(model: Model, work: Work) -> None:
-    """Exact torque rates [N·m/s], by differentiating each step of ``torques``, which must run first."""
+    """Exact torque rates [N·m/s], by differentiating each step of ``cell_torques``, which must run first."""
     chain, at, still = model.bodies.chain, work.at, (0.0, 0.0, 0.0)
     joints, g = len(model.home), chain.gravity
     moving = (still, still, (-g[0], -g[1], -g[2])), (still, still, still)
     for i in range(joints):
         j, r = joint(chain, i), matrix(at.own, i)
-        shifts = row(at.shift, i), times(work.state[1, i], j.slide)
+        shifts = row(at.shift, i), scale(work.state[1, i], j.slide)
         rates = work.state[1, i], work.state[2, i], work.state[3, i]
-        moving = moved_rate((j.axis, j.slides), r, shifts, rates, moving)
+        moving = link_motion_rate((j.axis, j.slides), r, shifts, rates, moving)
         rate = wrench_rate(ten(model.parameters, 10 * i), moving)
         set_row(work.wrench[2], i, rate[0])
         set_row(work.wrench[3], i, rate[1])
@@ -161,10 +169,10 @@ def torque_rates(model: Model, work: Work) -> None:
         df, dn = add(df, row(work.wrench[2], i)), add(dn, row(work.wrench[3], i))
         own = model.viscous[i] * work.state[2, i] + model.rotor[i] * work.state[3, i]
         work.torque[1, i] = dot(j.axis, df if chain.prismatic[i] else dn) + own
-        shifts = row(at.shift, i), times(work.state[1, i], j.slide)
-        spin = times((1.0 - j.slides) * work.state[1, i], j.axis)
-        df, dn = carried_rate(spin, r, shifts, (f, n), (df, dn))
-        f, n = carried(r, shifts[0], (f, n))
+        shifts = row(at.shift, i), scale(work.state[1, i], j.slide)
+        spin = scale((1.0 - j.slides) * work.state[1, i], j.axis)
+        df, dn = wrench_rate_in_parent(spin, r, shifts, (f, n), (df, dn))
+        f, n = wrench_in_parent(r, shifts[0], (f, n))
 
 
 @kernel
@@ -188,17 +196,17 @@ def bend_torques(model: Model, motion: Array, motions: Motions, n: int, sums: Ar
         viscous, rotor = model.viscous[i], model.rotor[i]
         bent[0, i] = (f[1] if slides[i] else m[1]) + viscous * own[1] + rotor * own[2]
         bent[1, i] = (f[2] if slides[i] else m[2]) + viscous * own[2] + rotor * own[3]
-        f, m = carried_bounds(slides[i], own, travel[i], (f, m))
+        f, m = wrench_bounds_in_parent(slides[i], own, travel[i], (f, m))
 
 
 @inline
-def place_twists(chain: Chain, at: Place, rates: Array, twist: Array) -> None:
+def place_twists(chain: Chain, at: Pose, rates: Array, twist: Array) -> None:
     """Write the twist of an arm at joint rates, (J,)."""
     turning = moving = (0.0, 0.0, 0.0)
     set_row(twist[0], 0, turning)
     set_row(twist[1], 0, moving)
     for j in range(len(rates)):
-        axis = times(rates[j], to_parent(matrix(at.turn, j + 1), row(chain.axis, j)))
+        axis = scale(rates[j], to_parent(matrix(at.turn, j + 1), row(chain.axis, j)))
         if chain.prismatic[j]:
             moving = add(moving, axis)
         else:
@@ -256,7 +264,7 @@ def least_height(shapes: Shapes, ends: Array, twist: Array, k: int, contact: Con
 
 
 @inline
-def _height(bodies: Bodies, at: Place, c: int, towards: Vector, inside: bool) -> float:
+def _height(bodies: Bodies, at: Pose, c: int, towards: Vector, inside: bool) -> float:
     """Largest extent in a direction of a capsule's axis, or of the corners of the hull inside it."""
     if not inside:
         return max(dot(towards, row(at.ends[0], c)), dot(towards, row(at.ends[1], c)))
@@ -268,20 +276,20 @@ def _height(bodies: Bodies, at: Place, c: int, towards: Vector, inside: bool) ->
 
 @inline
 def least_gap(
-    bodies: Bodies, at: Place, twist: Array, p: int, normal: Vector, half: float, inside: bool
+    bodies: Bodies, at: Pose, twist: Array, p: int, normal: Vector, half: float, inside: bool
 ) -> float:
     """Smallest gap [m] over a cell between the bodies of pair p along a normal, at constant velocity.
 
     The unit normal points from the inner to the outer body; ``inside`` selects the hulls, not the capsules.
     Pose and twist are those at the centre of the cell of half width ``half`` [s].
     """
-    i, k, f, g = ordered(bodies.shapes, p)
+    i, k, f, g = inner_and_outer(bodies.shapes, p)
     turning, moving = _between(twist, f, g)
     turned, rate = cross(normal, turning), dot(normal, moving)
     least = math.inf
     for side in range(2):
         time = half if side == 0 else -half
-        towards = less(times(-1.0, normal), times(time, turned))
+        towards = less(scale(-1.0, normal), scale(time, turned))
         least = min(least, time * rate - _height(bodies, at, k, towards, inside))
     radius = bodies.hulls.radius if inside else bodies.shapes.radius
     return least - _height(bodies, at, i, normal, inside) - (radius[i] + radius[k]) + bodies.shapes.closer[p]

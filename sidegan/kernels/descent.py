@@ -11,7 +11,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.kernels.eigen import add_to, product
 from sidegan.kernels.jit import kernel
-from sidegan.kernels.objective import Plan, Scratch, objective_of
+from sidegan.kernels.objective import Plan, PlanBuffers, objective_of
 
 # Indices into a search's numbers.
 GOAL, COST, LENGTH, USED, HEAD, STARTED, NUMBERS = range(7)
@@ -24,7 +24,7 @@ _CURVATURE = 1e-10  # pairs below this relative curvature are not stored
 _SHORTEST = 1e-6  # restart from steepest descent below this relative step length
 
 
-class Search(NamedTuple):
+class DescentState(NamedTuple):
     """State of a search. Points are (J K,), one joint after another."""
 
     x: Array
@@ -40,13 +40,23 @@ class Search(NamedTuple):
     numbers: Array  # (NUMBERS,)
 
 
-def search(joints: int, functions: int, memory: int) -> Search:
+def descent_state(joints: int, functions: int, memory: int) -> DescentState:
     """State of a search that has not started."""
     size, slots = joints * functions, memory + 1
-    x, gradient, direction, trial, slope = (np.zeros(size) for _ in range(5))
-    rows = trial.reshape(joints, functions), slope.reshape(joints, functions)
-    pairs = np.zeros((slots, size)), np.zeros((slots, size)), np.zeros(slots), np.zeros(slots)
-    return Search(x, gradient, direction, trial, slope, rows, *pairs, np.zeros(NUMBERS))
+    trial, slope = np.zeros(size), np.zeros(size)
+    return DescentState(
+        x=np.zeros(size),
+        gradient=np.zeros(size),
+        direction=np.zeros(size),
+        trial=trial,
+        slope=slope,
+        rows=(trial.reshape(joints, functions), slope.reshape(joints, functions)),
+        s=np.zeros((slots, size)),
+        y=np.zeros((slots, size)),
+        rho=np.zeros(slots),
+        alpha=np.zeros(slots),
+        numbers=np.zeros(NUMBERS),
+    )
 
 
 @kernel
@@ -55,7 +65,7 @@ def _length(x: Array) -> float:
 
 
 @kernel
-def _begin_anew(state: Search) -> None:
+def _begin_anew(state: DescentState) -> None:
     """Start, or restart, from steepest descent with an empty memory."""
     state.numbers[USED] = 0.0
     state.numbers[LENGTH] = 1.0
@@ -65,7 +75,7 @@ def _begin_anew(state: Search) -> None:
 
 
 @kernel
-def remember(state: Search) -> None:
+def remember(state: DescentState) -> None:
     """Store the step and its change of the gradient, if the curvature is large enough."""
     head, size = (int(state.numbers[HEAD]) + 1) % len(state.rho), len(state.x)
     s, y = state.s[head], state.y[head]
@@ -80,7 +90,7 @@ def remember(state: Search) -> None:
 
 
 @kernel
-def two_loops(state: Search) -> None:
+def two_loops(state: DescentState) -> None:
     """Write the L-BFGS direction. Source: Nocedal and Wright 2006, algorithm 7.4."""
     d, slots, size = state.direction, len(state.rho), len(state.x)
     head, used = int(state.numbers[HEAD]), int(state.numbers[USED])
@@ -102,7 +112,7 @@ def two_loops(state: Search) -> None:
 
 
 @kernel
-def _accept(state: Search, goal: float, cost: float) -> None:
+def _accept(state: DescentState, goal: float, cost: float) -> None:
     """Move to the trial point."""
     for i in range(len(state.x)):
         state.x[i], state.gradient[i] = state.trial[i], state.slope[i]
@@ -110,7 +120,7 @@ def _accept(state: Search, goal: float, cost: float) -> None:
 
 
 @kernel
-def _judge(state: Search, expected: float, goal: float, cost: float) -> None:
+def _judge(state: DescentState, expected: float, goal: float, cost: float) -> None:
     """Accept or reject the trial point, and choose the next direction or step length."""
     numbers, size = state.numbers, len(state.x)
     enough = numbers[GOAL] + numbers[COST] + _ARMIJO * expected
@@ -129,7 +139,7 @@ def _judge(state: Search, expected: float, goal: float, cost: float) -> None:
 
 
 @kernel
-def descend(plan: Plan, state: Search, work: Scratch, evaluations: int) -> None:
+def descend(plan: Plan, state: DescentState, work: PlanBuffers, evaluations: int) -> None:
     """Run a number of evaluations; a new search spends the first one on its start point."""
     for _ in range(evaluations):
         fresh = state.numbers[STARTED] == 0

@@ -7,7 +7,7 @@ import math
 
 from sidegan.base.arrays import Array
 from sidegan.kernels.chain import BALL, BOX, PLANE, Shapes
-from sidegan.kernels.formulas import Vector, add, dot, less, times
+from sidegan.kernels.formulas import Vector, add, dot, less, scale
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import TOUCHING, row
 
@@ -36,7 +36,7 @@ def near_segment(a1: Vector, b1: Vector, a2: Vector, b2: Vector) -> tuple[float,
         s = _share((uv * vr - ur * vv) / max(determinant, _TINY))
     t = _share((uv * s + vr) / max(vv, _TINY))
     s = _share((uv * t - ur) / max(uu, _TINY))
-    one, two = add(a1, times(s, u)), add(a2, times(t, v))
+    one, two = add(a1, scale(s, u)), add(a2, scale(t, v))
     gap = less(one, two)
     distance = math.sqrt(dot(gap, gap))
     return TOUCHING if distance < TOUCHING else distance, one, two
@@ -69,14 +69,14 @@ def near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> Contact:
         return min(low, high) - numbers[r, 3], a if low < high else b, centre
     if kind == BALL:
         distance, point, _ = near_segment(a, b, centre, centre)
-        return distance - numbers[r, 3], point, times(1 / distance, less(point, centre))
+        return distance - numbers[r, 3], point, scale(1 / distance, less(point, centre))
     if kind == BOX:
         half, start, along = (numbers[r, 3], numbers[r, 4], numbers[r, 5]), less(a, centre), less(b, a)
         share = _nearest_to_box(half, start, along)
-        beyond = _beyond(add(start, times(share, along)), half)
+        beyond = _beyond(add(start, scale(share, along)), half)
         distance = math.sqrt(dot(beyond, beyond))
         if distance > TOUCHING:
-            return distance, add(a, times(share, along)), times(1 / distance, beyond)
+            return distance, add(a, scale(share, along)), scale(1 / distance, beyond)
     return _near_body(shapes.planes, int(numbers[r, 6]), int(numbers[r, 7]), a, b)
 
 
@@ -115,7 +115,7 @@ def _near_body(planes: Array, first: int, last: int, a: Vector, b: Vector) -> Co
             break
         share = min(max((low - (high - rises)) / (rises - falls), 0.0), 1.0)
         bound, part = low + falls * share, -falls / (rises - falls)
-        x = add(a, times(share, less(b, a)))
+        x = add(a, scale(share, less(b, a)))
         top = _highest(planes, first, last, x)
         if _height(planes, top, x) <= bound + _SETTLED:
             break
@@ -123,8 +123,8 @@ def _near_body(planes: Array, first: int, last: int, a: Vector, b: Vector) -> Co
             two = top
         else:
             one = top
-    point = add(times(1 - share, a), times(share, b))
-    away = add(times(1 - part, row(planes, one)), times(part, row(planes, two)))
+    point = add(scale(1 - share, a), scale(share, b))
+    away = add(scale(1 - part, row(planes, one)), scale(part, row(planes, two)))
     return bound, point, away
 
 
@@ -157,7 +157,7 @@ def _nearest_to_box(half: Vector, a: Vector, along: Vector) -> float:
             continue
         s = (face - a[k % 3]) / along[k % 3]
         if low < s < high:
-            slope = dot(_beyond(add(a, times(s, along)), half), along)
+            slope = dot(_beyond(add(a, scale(s, along)), half), along)
             if slope < 0:
                 low, below = s, slope
             elif slope > 0:

@@ -20,25 +20,25 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.kernels.chain import Chain
 from sidegan.kernels.formulas import (
+    LinkMotion,
     Matrix,
-    Motion,
     Ten,
     Vector,
     Wrench,
     add,
-    carried,
     cross,
     dot,
     inertia_times,
     less,
-    moved,
-    times,
+    link_motion,
+    scale,
     to_child,
     to_parent,
+    wrench_in_parent,
     wrench_of,
 )
 from sidegan.kernels.jit import inline, kernel, kernel_in_any_order
-from sidegan.kernels.links import Joint, joint, placement, ten
+from sidegan.kernels.links import ChainJoint, joint, placement, ten
 
 LANES = 64  # maximum states per block: shorter loops do not amortise their overhead
 _VECTOR = 8  # float64 numbers in the widest vector register
@@ -54,7 +54,7 @@ Lanes = Array  # contiguous rows of LANES numbers, (rows · LANES,)
 Block = tuple[int, int, int]  # consecutive states: index of the trajectory, first state, number of states
 
 
-class Limits(NamedTuple):
+class PenaltyLimits(NamedTuple):
     """Limits of J joints, and the penalty for exceeding them.
 
     The penalty is weight · e², with e the excess of |x| over (1 − reserve) · limit, relative to the limit.
@@ -73,7 +73,7 @@ class Limits(NamedTuple):
     rotor: Array  # rotor inertia on the joint side [kg·m² or kg], (J,)
 
 
-class Scratch(NamedTuple):
+class DynamicsBuffers(NamedTuple):
     """Scratch arrays of one thread: rows of lanes for each joint or link."""
 
     state: Array
@@ -86,11 +86,11 @@ class Scratch(NamedTuple):
     adjoints: Array
 
 
-def scratch(chain: Chain) -> Scratch:
+def dynamics_buffers(chain: Chain) -> DynamicsBuffers:
     """Scratch arrays of one thread for an arm; its base is at rest and accelerates against gravity."""
     joints, links = len(chain.prismatic), len(chain.prismatic) + 1
     rows = [(joints, _STATE), (links, _LINK), (joints, 6), (10,), (joints, 6), (joints, 1), (6,)]
-    work = Scratch(*(aligned(*shape[:-1], shape[-1] * LANES) for shape in [*rows, (links, _ADJOINT)]))
+    work = DynamicsBuffers(*(aligned(*shape[:-1], shape[-1] * LANES) for shape in [*rows, (links, _ADJOINT)]))
     work.links[0].reshape(_LINK, LANES)[A:] = -chain.gravity[:, None]
     return work
 
@@ -130,7 +130,7 @@ def load_turn(link: Lanes, n: int) -> Matrix:
 
 
 @inline
-def load_motion(link: Lanes, n: int) -> Motion:
+def load_motion(link: Lanes, n: int) -> LinkMotion:
     """Motion of a link in lane n."""
     return load(link, W, n), load(link, ALPHA, n), load(link, A, n)
 
@@ -162,13 +162,13 @@ def fill(states: Array, block: Block, width: int, state: Array) -> None:
 
 
 @kernel
-def move(j: Joint, state: Lanes, parent: Lanes, link: Lanes, width: int) -> None:
+def move(j: ChainJoint, state: Lanes, parent: Lanes, link: Lanes, width: int) -> None:
     """Write a link's placement and motion, from its joint's state and its parent's motion."""
     for n in range(min(width, LANES)):
         s, c, q = state[SIN * LANES + n], state[COS * LANES + n], state[Q * LANES + n]
         r, shift = placement(j, s, c, q)
         rates = state[DQ * LANES + n], state[DDQ * LANES + n]
-        w, alpha, a = moved(j.axis, j.slides, r, shift, rates, load_motion(parent, n))
+        w, alpha, a = link_motion(j.axis, j.slides, r, shift, rates, load_motion(parent, n))
         store(link, TURN, n, r[0])
         store(link, TURN + 3, n, r[1])
         store(link, TURN + 6, n, r[2])
@@ -191,7 +191,7 @@ def _wrench(link: Lanes, v: Ten, wrench: Lanes, width: int) -> None:
 def _pass_down(child: Lanes, child_wrench: Lanes, wrench: Lanes, width: int) -> None:
     """Add the wrench of a child link to that of its parent."""
     for n in range(min(width, LANES)):
-        f, m = carried(load_turn(child, n), load(child, SHIFT, n), load_wrench(child_wrench, n))
+        f, m = wrench_in_parent(load_turn(child, n), load(child, SHIFT, n), load_wrench(child_wrench, n))
         increase(wrench, 0, n, f)
         increase(wrench, 3, n, m)
 
@@ -211,7 +211,7 @@ def clear(x: Lanes) -> None:
 
 
 @kernel
-def enter(chain: Chain, states: Array, block: Block, width: int, work: Scratch) -> None:
+def enter(chain: Chain, states: Array, block: Block, width: int, work: DynamicsBuffers) -> None:
     """Compute the motion of all links in a block of states, and reset the adjoints."""
     fill(states, block, width, work.state)
     for i in range(len(chain.prismatic)):
@@ -221,7 +221,7 @@ def enter(chain: Chain, states: Array, block: Block, width: int, work: Scratch) 
 
 
 @kernel
-def forces(chain: Chain, v: Array, work: Scratch, width: int) -> None:
+def forces(chain: Chain, v: Array, work: DynamicsBuffers, width: int) -> None:
     """Compute the joint wrenches and torques for one parameter set, (10 J,)."""
     joints, links, wrenches = len(chain.prismatic), work.links, work.wrenches
     for i in range(joints):
@@ -233,7 +233,9 @@ def forces(chain: Chain, v: Array, work: Scratch, width: int) -> None:
 
 
 @kernel
-def torques(chain: Chain, states: Array, parameters: Array, torque: Array, work: Scratch) -> None:
+def inverse_dynamics(
+    chain: Chain, states: Array, parameters: Array, torque: Array, work: DynamicsBuffers
+) -> None:
     """Write the torques (J, T) for states (5, 1, J, T) and inertial parameters (10 J,)."""
     count = states.shape[3]
     step = step_of(count)
@@ -247,7 +249,9 @@ def torques(chain: Chain, states: Array, parameters: Array, torque: Array, work:
 
 
 @kernel
-def _twist(j: Joint, link: Lanes, s: Lanes, twist: Lanes, wrench: Lanes, adjoint: Lanes, width: int) -> None:
+def _twist(
+    j: ChainJoint, link: Lanes, s: Lanes, twist: Lanes, wrench: Lanes, adjoint: Lanes, width: int
+) -> None:
     """Replace the parent's twist, at joint speeds s, by the link's; add to the adjoint of q."""
     axis, slide, slides, turns = j.axis, j.slide, j.slides, 1.0 - j.slides
     for n in range(min(width, LANES)):
@@ -258,8 +262,8 @@ def _twist(j: Joint, link: Lanes, s: Lanes, twist: Lanes, wrench: Lanes, adjoint
         f, m = load_wrench(wrench, n)
         twisted = add(cross(f, linear), cross(m, turn))
         adjoint[SQ * LANES + n] += turns * dot(axis, twisted) + slides * dot(f, moved)
-        store(twist, 0, n, add(turn, times(turns * s[n], axis)))
-        store(twist, 3, n, add(linear, times(slides * s[n], axis)))
+        store(twist, 0, n, add(turn, scale(turns * s[n], axis)))
+        store(twist, 3, n, add(linear, scale(slides * s[n], axis)))
 
 
 @kernel
@@ -268,10 +272,10 @@ def _slope_of_wrench(link: Lanes, v: Ten, twist: Lanes, adjoint: Lanes, width: i
     mass, h = v[0], (v[1], v[2], v[3])
     for n in range(min(width, LANES)):
         w, (t, u) = load_motion(link, n)[0], load_wrench(twist, n)
-        sa = add(times(mass, u), cross(t, h))
+        sa = add(scale(mass, u), cross(t, h))
         salpha = add(cross(h, u), inertia_times(v, t))
-        whirl = add(times(dot(w, h), u), times(dot(u, w), h))
-        whirl = less(whirl, times(2.0 * dot(u, h), w))
+        whirl = add(scale(dot(w, h), u), scale(dot(u, w), h))
+        whirl = less(whirl, scale(2.0 * dot(u, h), w))
         sw = add(cross(inertia_times(v, w), t), inertia_times(v, cross(t, w)))
         increase(adjoint, SA, n, sa)
         increase(adjoint, SALPHA, n, salpha)
@@ -280,7 +284,7 @@ def _slope_of_wrench(link: Lanes, v: Ten, twist: Lanes, adjoint: Lanes, width: i
 
 @kernel
 def _unmove(
-    j: Joint, state: Lanes, parent: Lanes, link: Lanes, above: Lanes, adjoint: Lanes, width: int
+    j: ChainJoint, state: Lanes, parent: Lanes, link: Lanes, above: Lanes, adjoint: Lanes, width: int
 ) -> None:
     """Propagate the adjoints of a link's motion to its parent; add to those of the joint's state."""
     axis, slides, turns = j.axis, j.slides, 1.0 - j.slides
@@ -288,16 +292,16 @@ def _unmove(
         r, shift = load_turn(link, n), load(link, SHIFT, n)
         w0, alpha0, _ = load_motion(parent, n)
         sw, salpha, sa = load(adjoint, SW, n), load(adjoint, SALPHA, n), load(adjoint, SA, n)
-        rate, kick = times(state[DQ * LANES + n], axis), times(state[DDQ * LANES + n], axis)
+        rate, kick = scale(state[DQ * LANES + n], axis), scale(state[DDQ * LANES + n], axis)
         # Recover w, alpha and a after the rotation but before the joint's own motion was added.
         w = to_child(r, w0)
         alpha = to_child(r, alpha0)
         turning = cross(w, rate)
-        a = less(load(link, A, n), times(slides, add(kick, times(2.0, turning))))
+        a = less(load(link, A, n), scale(slides, add(kick, scale(2.0, turning))))
         # The joint's own motion.
-        sturning = add(times(turns, salpha), times(2.0 * slides, sa))
-        skick = add(times(turns, salpha), times(slides, sa))
-        srate = add(times(turns, sw), cross(sturning, w))
+        sturning = add(scale(turns, salpha), scale(2.0 * slides, sa))
+        skick = add(scale(turns, salpha), scale(slides, sa))
+        srate = add(scale(turns, sw), cross(sturning, w))
         sw = add(sw, cross(rate, sturning))
         adjoint[SDQ * LANES + n] += dot(axis, srate)
         adjoint[SDDQ * LANES + n] += dot(axis, skick)
@@ -318,7 +322,7 @@ def _unmove(
 
 
 @kernel
-def push(chain: Chain, v: Array, work: Scratch, width: int) -> None:
+def push(chain: Chain, v: Array, work: DynamicsBuffers, width: int) -> None:
     """Add the gradient of sᵀ τ to the adjoints; ``work.torque`` holds the cotangents s, not τ."""
     clear(work.twist)
     for i in range(len(chain.prismatic)):
@@ -328,7 +332,7 @@ def push(chain: Chain, v: Array, work: Scratch, width: int) -> None:
 
 
 @kernel
-def pull(chain: Chain, work: Scratch, slope: Array, block: Block, width: int) -> None:
+def pull(chain: Chain, work: DynamicsBuffers, slope: Array, block: Block, width: int) -> None:
     """Propagate the adjoints to the base; write a block's gradient with respect to q, dq and ddq."""
     links, adjoints = work.links, work.adjoints
     _, start, lanes = block
@@ -341,13 +345,13 @@ def pull(chain: Chain, work: Scratch, slope: Array, block: Block, width: int) ->
 
 
 @inline
-def beyond(x: float, limit: float, reserve: float) -> float:
+def limit_excess(x: float, limit: float, reserve: float) -> float:
     """Excess of |x| over (1 − reserve) · limit, relative to the limit and with the sign of x, or zero."""
     return math.copysign(max(abs(x) / limit - (1.0 - reserve), 0.0), x)
 
 
 @kernel_in_any_order
-def keep(limits: Limits, work: Scratch, lanes: int) -> float:
+def keep(limits: PenaltyLimits, work: DynamicsBuffers, lanes: int) -> float:
     """Torque penalty of a block; replaces the torques by its gradient, adds to the adjoints of dq and ddq."""
     total = 0.0
     for i in range(len(limits.torque)):
@@ -355,7 +359,7 @@ def keep(limits: Limits, work: Scratch, lanes: int) -> float:
         state, adjoint = work.state[i], work.adjoints[i + 1]
         for n in range(min(lanes, LANES)):
             own = viscous * state[DQ * LANES + n] + rotor * state[DDQ * LANES + n]
-            tau = beyond(torque[n] + own, most, limits.torque_reserve)
+            tau = limit_excess(torque[n] + own, most, limits.torque_reserve)
             slope = 2.0 * limits.torque_weight / most * tau
             torque[n] = slope
             adjoint[SDQ * LANES + n] += viscous * slope

@@ -164,28 +164,30 @@ def _sound(d: Array, e: Array, values: Array, z: Array) -> bool:
     return True
 
 
-def scratch(size: int, count: int) -> tuple[Array, Array]:
+def eigen_buffers(size: int, count: int) -> tuple[Array, Array]:
     """Scratch arrays of one thread: rows and shifts."""
     return np.zeros((5, size)), np.zeros((5, count * _POINTS))
 
 
 @kernel
-def ends(matrix: Array, first: int, values: Array, rows: Array, shifts: Array) -> None:
+def extreme_eigenvalues(matrix: Array, first: int, values: Array, rows: Array, shifts: Array) -> None:
     """Write the eigenvalue of ascending rank ``first`` and the largest one, (2,).
 
-    The symmetric matrix (p, p), with elements up to one, is overwritten. Rows and shifts are ``scratch`` for
-    at least two values.
+    The symmetric matrix (p, p), with elements up to one, is overwritten. Rows and shifts are
+    ``eigen_buffers`` for at least two values.
     """
     _tridiagonal(matrix, rows[0], rows[1], rows[2], rows[3])
     _close_in(rows[0], rows[1], 1, first, values, shifts)
 
 
 @kernel
-def extremes(matrix: Array, low: int, values: Array, vectors: Array, rows: Array, shifts: Array) -> bool:
+def extreme_eigenpairs(
+    matrix: Array, low: int, values: Array, vectors: Array, rows: Array, shifts: Array
+) -> bool:
     """Write the ``low`` smallest and the K − ``low`` largest eigenvalues, ascending, and their eigenvectors.
 
     The symmetric matrix (p, p), with elements up to one, is overwritten. Outputs: values, (K,), and unit
-    eigenvectors as rows, (K, p). Returns whether they are reliable. The rest is ``scratch``.
+    eigenvectors as rows, (K, p). Returns whether they are reliable. The rest is ``eigen_buffers``.
     """
     d, e, tau, w, up = rows[0], rows[1], rows[2], rows[3], rows[4]
     _tridiagonal(matrix, d, e, tau, w)

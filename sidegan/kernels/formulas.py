@@ -1,23 +1,23 @@
 """Rigid-body formulas on tuples of numbers, shared by all kernels.
 
-Kernels inline them (``jit.share``); this file does not need numba. A rate is the time derivative of a
-vector's components in a link's frame, which turns at the joint's speed. A cell is a time interval of half
-width h around a sample. Bounds on torque changes in a cell come from the Newton–Euler recursion on norms:
-each quantity x of a link carries bounds on (|x|, |ẋ|, |ẍ|).
+Kernels inline them (``jit.inline_functions``); this file does not need numba. A rate is the time derivative
+of a vector's components in a link's frame, which turns at the joint's speed. A cell is a time interval of
+half width h around a sample. Bounds on torque changes in a cell come from the Newton–Euler recursion on
+norms: each quantity x of a link carries bounds on (|x|, |ẋ|, |ẍ|).
 """
 
 from typing import Any
 
-Number = Any  # or an array of them
-Vector = tuple[Number, Number, Number]
+Scalar = Any  # or an array of them
+Vector = tuple[Scalar, Scalar, Scalar]
 Matrix = tuple[Vector, Vector, Vector]  # row by row
-Ten = tuple[Number, ...]  # a link's inertial parameters, in Pinocchio's order
+Ten = tuple[Scalar, ...]  # a link's inertial parameters, in Pinocchio's order
 # Angular velocity and acceleration, acceleration of the origin minus gravity.
-Motion = tuple[Vector, Vector, Vector]
-Moving = tuple[Motion, Motion]  # a motion and its rate
+LinkMotion = tuple[Vector, Vector, Vector]
+Moving = tuple[LinkMotion, LinkMotion]  # a motion and its rate
 Wrench = tuple[Vector, Vector]  # force and moment
-Own = tuple[Number, Number, Number, Number]  # a joint's velocity and its first three derivatives, or bounds
-Bounds = tuple[Number, Number, Number]  # on the norms of a vector, its rate and the rate of its rate
+Own = tuple[Scalar, Scalar, Scalar, Scalar]  # a joint's velocity and its first three derivatives, or bounds
+Bounds = tuple[Scalar, Scalar, Scalar]  # on the norms of a vector, its rate and the rate of its rate
 MotionBounds = tuple[Bounds, Bounds, Bounds]  # of the vectors of a motion
 WrenchBounds = tuple[Bounds, Bounds]
 
@@ -32,12 +32,12 @@ def less(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def times(s: Number, a: Vector) -> Vector:
+def scale(s: Scalar, a: Vector) -> Vector:
     """A vector times a number."""
     return s * a[0], s * a[1], s * a[2]
 
 
-def dot(a: Vector, b: Vector) -> Number:
+def dot(a: Vector, b: Vector) -> Scalar:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -54,10 +54,10 @@ def to_parent(r: Matrix, x: Vector) -> Vector:
 
 def to_child(r: Matrix, x: Vector) -> Vector:
     """Rotate a vector from the parent's frame to that with rotation r."""
-    return add(add(times(x[0], r[0]), times(x[1], r[1])), times(x[2], r[2]))
+    return add(add(scale(x[0], r[0]), scale(x[1], r[1])), scale(x[2], r[2]))
 
 
-def product(a: Matrix, b: Matrix) -> Matrix:
+def matrix_product(a: Matrix, b: Matrix) -> Matrix:
     """Product of two matrices."""
     return to_child(b, a[0]), to_child(b, a[1]), to_child(b, a[2])
 
@@ -68,9 +68,9 @@ def inertia_times(v: Ten, x: Vector) -> Vector:
     return dot((xx, xy, xz), x), dot((xy, yy, yz), x), dot((xz, yz, zz), x)
 
 
-def moved(
-    axis: Vector, slides: float, r: Matrix, shift: Vector, rates: tuple[Number, Number], parent: Motion
-) -> Motion:
+def link_motion(
+    axis: Vector, slides: float, r: Matrix, shift: Vector, rates: tuple[Scalar, Scalar], parent: LinkMotion
+) -> LinkMotion:
     """Motion of a link's frame, in that frame, from its parent's and the joint's velocity and acceleration.
 
     Rotation r and shift place the frame in its parent's; slides is 1 for a prismatic joint, else 0.
@@ -79,33 +79,33 @@ def moved(
     a = to_child(r, add(a, add(cross(alpha, shift), cross(w, cross(w, shift)))))
     w, alpha = to_child(r, w), to_child(r, alpha)
     turns = 1.0 - slides
-    rate, kick = times(rates[0], axis), times(rates[1], axis)
+    rate, kick = scale(rates[0], axis), scale(rates[1], axis)
     turning = cross(w, rate)
-    a = add(a, times(slides, add(kick, times(2.0, turning))))
-    alpha = add(alpha, times(turns, add(kick, turning)))
-    return add(w, times(turns, rate)), alpha, a
+    a = add(a, scale(slides, add(kick, scale(2.0, turning))))
+    alpha = add(alpha, scale(turns, add(kick, turning)))
+    return add(w, scale(turns, rate)), alpha, a
 
 
-def wrench_of(v: Ten, motion: Motion) -> Wrench:
+def wrench_of(v: Ten, motion: LinkMotion) -> Wrench:
     """Force and moment about a link's origin that its motion requires."""
     w, alpha, a = motion
     h = v[1], v[2], v[3]
-    turning = less(times(dot(w, h), w), times(dot(w, w), h))
-    force = add(times(v[0], a), add(cross(alpha, h), turning))
+    turning = less(scale(dot(w, h), w), scale(dot(w, w), h))
+    force = add(scale(v[0], a), add(cross(alpha, h), turning))
     about = add(inertia_times(v, alpha), cross(w, inertia_times(v, w)))
     return force, add(cross(h, a), about)
 
 
-def carried(r: Matrix, shift: Vector, wrench: Wrench) -> Wrench:
+def wrench_in_parent(r: Matrix, shift: Vector, wrench: Wrench) -> Wrench:
     """Transform a link's wrench to its parent's frame and origin."""
     f = to_parent(r, wrench[0])
     return f, add(to_parent(r, wrench[1]), cross(shift, f))
 
 
-def moved_rate(
-    j: tuple[Vector, Number], turn: Matrix, shifts: tuple[Vector, Vector], rates: Vector, parent: Moving
+def link_motion_rate(
+    j: tuple[Vector, Scalar], turn: Matrix, shifts: tuple[Vector, Vector], rates: Vector, parent: Moving
 ) -> Moving:
-    """``moved`` and its rate, from the parent's.
+    """``link_motion`` and its rate, from the parent's.
 
     Args:
         j: the joint's axis, and 1 if it is prismatic, else 0.
@@ -116,48 +116,48 @@ def moved_rate(
     """
     (axis, slides), (s, ds), (v, acc, jerk) = j, shifts, rates
     (w, al, a), (dw, dal, da) = parent
-    motion = moved(axis, slides, turn, s, (v, acc), parent[0])
+    motion = link_motion(axis, slides, turn, s, (v, acc), parent[0])
     arm = cross(w, s)
     darm = add(cross(dw, s), cross(w, ds))
     a = add(a, add(cross(al, s), cross(w, arm)))
     da = add(da, add(add(cross(dal, s), cross(al, ds)), add(cross(dw, arm), cross(w, darm))))
     turns = 1.0 - slides
-    rate, kick, jolt = times(v, axis), times(acc, axis), times(jerk, axis)
-    spin = times(turns, rate)
+    rate, kick, jolt = scale(v, axis), scale(acc, axis), scale(jerk, axis)
+    spin = scale(turns, rate)
     w, al, a = to_child(turn, w), to_child(turn, al), to_child(turn, a)
     dw, dal = less(to_child(turn, dw), cross(spin, w)), less(to_child(turn, dal), cross(spin, al))
     da = less(to_child(turn, da), cross(spin, a))
     turning = add(cross(dw, rate), cross(w, kick))
-    da = add(da, times(slides, add(jolt, times(2.0, turning))))
-    dal = add(dal, times(turns, add(jolt, turning)))
-    return motion, (add(dw, times(turns, kick)), dal, da)
+    da = add(da, scale(slides, add(jolt, scale(2.0, turning))))
+    dal = add(dal, scale(turns, add(jolt, turning)))
+    return motion, (add(dw, scale(turns, kick)), dal, da)
 
 
 def wrench_rate(v: Ten, at: Moving) -> Wrench:
     """Rates of the force and the moment that a link's motion requires, from the motion and its rate."""
     (w, _, _), (dw, dal, da) = at
     h = v[1], v[2], v[3]
-    turning = add(times(dot(dw, h), w), times(dot(w, h), dw))
-    turning = less(turning, times(2.0 * dot(w, dw), h))
-    force = add(times(v[0], da), add(cross(dal, h), turning))
+    turning = add(scale(dot(dw, h), w), scale(dot(w, h), dw))
+    turning = less(turning, scale(2.0 * dot(w, dw), h))
+    force = add(scale(v[0], da), add(cross(dal, h), turning))
     about = add(cross(dw, inertia_times(v, w)), cross(w, inertia_times(v, dw)))
     return force, add(cross(h, da), add(inertia_times(v, dal), about))
 
 
-def carried_rate(
+def wrench_rate_in_parent(
     spin: Vector, turn: Matrix, shifts: tuple[Vector, Vector], wrench: Wrench, rate: Wrench
 ) -> Wrench:
-    """Rate of ``carried``, from a wrench and its rate in a frame that turns at angular velocity ``spin``."""
+    """Rate of ``wrench_in_parent``, from a wrench and its rate in a frame that turns at ``spin`` [rad/s]."""
     (f, n), (df, dn), (s, ds) = wrench, rate, shifts
     df = to_parent(turn, add(df, cross(spin, f)))
     dn = to_parent(turn, add(dn, cross(spin, n)))
     return df, add(dn, add(cross(ds, to_parent(turn, f)), cross(s, df)))
 
 
-def columns_of(motion: Motion, turn: Vector, linear: Vector) -> Ten:
+def columns_of(motion: LinkMotion, turn: Vector, linear: Vector) -> Ten:
     """A link's ten regressor entries for a joint that, at unit speed, gives its frame this twist."""
     w, alpha, a = motion
-    spin = less(times(dot(w, linear), w), times(dot(w, w), linear))
+    spin = less(scale(dot(w, linear), w), scale(dot(w, w), linear))
     h = add(add(cross(linear, alpha), spin), cross(a, turn))
     u = cross(turn, w)
     return (
@@ -174,50 +174,50 @@ def columns_of(motion: Motion, turn: Vector, linear: Vector) -> Ten:
     )
 
 
-def drift(rate: Number, bound: Number, half: float) -> Number:
+def drift(rate: Scalar, bound: Scalar, half: float) -> Scalar:
     """Largest change in a cell of a quantity with this rate at its centre and a bounded second derivative."""
     return half * (abs(rate) + half / 2 * bound)
 
 
-def multiplied(a: Bounds, b: Bounds) -> Bounds:
+def product_bounds(a: Bounds, b: Bounds) -> Bounds:
     """Bounds on a product of any kind: scalar, cross or matrix product."""
     return a[0] * b[0], a[0] * b[1] + a[1] * b[0], a[0] * b[2] + 2 * a[1] * b[1] + a[2] * b[0]
 
 
-def turned(own: Own, a: Bounds) -> Bounds:
+def rotate_bounds(own: Own, a: Bounds) -> Bounds:
     """Bounds on a vector rotated by a joint from the parent's frame to the link's, or back."""
     v, acc = own[0], own[1]
     return a[0], a[1] + v * a[0], a[2] + 2 * v * a[1] + (acc + v * v) * a[0]
 
 
-def link_bounds(slides: bool, own: Own, travel: Number, parent: MotionBounds) -> MotionBounds:
+def link_bounds(slides: bool, own: Own, travel: Scalar, parent: MotionBounds) -> MotionBounds:
     """Bounds on a link's motion from those on its parent's and its joint's.
 
     ``travel`` bounds the distance between the two origins.
     """
     w, al, a = parent
     v, acc, jerk, snap = own
-    swing = add(al, multiplied(w, w))
+    swing = add(al, product_bounds(w, w))
     rate, kick = (v, acc, jerk), (acc, jerk, snap)
     if slides:
-        a = add(a, multiplied(swing, (travel, v, acc)))
-        return w, al, add(a, add(kick, times(2.0, multiplied(w, rate))))
-    a = turned(own, add(a, times(travel, swing)))
-    w, al = turned(own, w), turned(own, al)
-    return add(w, rate), add(al, add(kick, multiplied(w, rate))), a
+        a = add(a, product_bounds(swing, (travel, v, acc)))
+        return w, al, add(a, add(kick, scale(2.0, product_bounds(w, rate))))
+    a = rotate_bounds(own, add(a, scale(travel, swing)))
+    w, al = rotate_bounds(own, w), rotate_bounds(own, al)
+    return add(w, rate), add(al, add(kick, product_bounds(w, rate))), a
 
 
-def wrench_bounds(mass: Number, first: Number, spin: Number, link: MotionBounds) -> WrenchBounds:
+def wrench_bounds(mass: Scalar, first: Scalar, spin: Scalar, link: MotionBounds) -> WrenchBounds:
     """Bounds on the force and the moment that a link's motion requires."""
     w, al, a = link
-    swing = add(al, multiplied(w, w))
-    return add(times(mass, a), times(first, swing)), add(times(first, a), times(spin, swing))
+    swing = add(al, product_bounds(w, w))
+    return add(scale(mass, a), scale(first, swing)), add(scale(first, a), scale(spin, swing))
 
 
-def carried_bounds(slides: bool, own: Own, travel: Number, wrench: WrenchBounds) -> WrenchBounds:
+def wrench_bounds_in_parent(slides: bool, own: Own, travel: Scalar, wrench: WrenchBounds) -> WrenchBounds:
     """Bounds on a link's wrench in its parent's frame and about its parent's origin."""
     f, n = wrench
     if slides:
-        return f, add(n, multiplied((travel, own[0], own[1]), f))
-    f, n = turned(own, f), turned(own, n)
-    return f, add(n, times(travel, f))
+        return f, add(n, product_bounds((travel, own[0], own[1]), f))
+    f, n = rotate_bounds(own, f), rotate_bounds(own, n)
+    return f, add(n, scale(travel, f))

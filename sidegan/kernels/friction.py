@@ -1,11 +1,11 @@
-"""A plant's friction law, for one joint at one time or for arrays; kernels inline it (``jit.share``)."""
+"""A plant's friction law, for one joint at one time or for arrays; kernels inline it."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.kernels.formulas import Number
+from sidegan.kernels.formulas import Scalar
 
 
 class Law(NamedTuple):
@@ -24,7 +24,7 @@ class Law(NamedTuple):
     phases: Array  # of position-dependent friction and ripple, (3, J)
 
 
-def friction(q: Number, dq: Number, load: Number, law: Law, j: int | slice) -> Number:
+def friction_torque(q: Scalar, dq: Scalar, load: Scalar, law: Law, j: int | slice) -> Scalar:
     """Friction of joint j, or of several, against the motion [N·m or N] with transmitted torques.
 
     Hess and Soom's curve near rest, Eyring's shear-thinning lubricant, saturating load dependence.

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.kernels.formulas import Matrix, Vector, add, cross, dot, less, times, to_child, to_parent
+from sidegan.kernels.formulas import Matrix, Vector, add, cross, dot, less, scale, to_child, to_parent
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import row, set_row
 
@@ -71,7 +71,7 @@ def apart(
     v, bound, count = start, -np.inf, 0
     size = math.sqrt(dot(v, v))
     for _ in range(_ROUNDS):
-        one = farthest(hulls.corners, hulls.start[i], hulls.start[i + 1], times(-1.0, v))
+        one = farthest(hulls.corners, hulls.start[i], hulls.start[i + 1], scale(-1.0, v))
         two = farthest(hulls.corners, hulls.start[k], hulls.start[k + 1], to_child(turn, v))
         new = less(row(hulls.corners, one), add(place, to_parent(turn, row(hulls.corners, two))))
         here = dot(v, new) / size - round_
@@ -90,7 +90,7 @@ def apart(
             return -np.inf
         old, v = size, (0.0, 0.0, 0.0)
         for n in range(count):
-            v = add(v, times(weights[n], row(points, n)))
+            v = add(v, scale(weights[n], row(points, n)))
         size = math.sqrt(dot(v, v))
         if not size > _TOUCHING:
             return -np.inf
@@ -141,7 +141,7 @@ def _face(points: Array, corners: tuple[int, int, int], best: float, weights: Ar
     i, j, k = corners
     a, b, c = row(points, i), row(points, j), row(points, k)
     s, t, u = _on_triangle(a, b, c)
-    point = add(add(times(s, a), times(t, b)), times(u, c))
+    point = add(add(scale(s, a), scale(t, b)), scale(u, c))
     size = dot(point, point)
     if size < best:
         weights[0] = weights[1] = weights[2] = weights[3] = 0.0

@@ -35,7 +35,7 @@ class GoalArrays(NamedTuple):
     runs: float  # 1 or 2
 
 
-class Scratch(NamedTuple):
+class GoalBuffers(NamedTuple):
     """Scratch arrays of one thread for a goal."""
 
     product: Array  # (p, p)
@@ -52,12 +52,12 @@ class Scratch(NamedTuple):
     base: Array  # the directions over the base columns, (D, p)
 
 
-def scratch(goal: GoalArrays) -> Scratch:
+def goal_buffers(goal: GoalArrays) -> GoalBuffers:
     """Scratch arrays for a goal, or any other with as many parameters and targets."""
     size, targets = len(goal.prior), len(goal.targets)
     count, most = min(size, LOWEST + HIGHEST), max(size, 2 * targets)
-    rows, shifts = eigen.scratch(size, max(count, 2))
-    return Scratch(
+    rows, shifts = eigen.eigen_buffers(size, max(count, 2))
+    return GoalBuffers(
         product=np.zeros((size, size)),
         inner=np.zeros((size, size)),
         whole=np.zeros((size, size)),
@@ -137,11 +137,11 @@ def _end_of(matrix: Array, count: int, k: int) -> int:
 
 
 @part
-def _ends(work: Scratch) -> None:
+def _ends(work: GoalBuffers) -> None:
     """Eigenpairs at both ends of the spectrum of the inner matrix; ``whole`` holds a copy."""
     size, whole, count = len(work.inner), work.whole, len(work.values)
     if size > count:
-        sound = eigen.extremes(whole, LOWEST, work.values, work.vectors, work.rows, work.shifts)
+        sound = eigen.extreme_eigenpairs(whole, LOWEST, work.values, work.vectors, work.rows, work.shifts)
         if sound:
             return
         for i in range(size):
@@ -156,7 +156,7 @@ def _ends(work: Scratch) -> None:
 
 
 @kernel
-def _condition(goal: GoalArrays, subspace: Array, work: Scratch) -> float:
+def _condition(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> float:
     """Smooth log condition number of the whole matrix; writes its directions."""
     size, scale, whole = len(subspace), 0.0, work.whole
     for i in range(size):
@@ -208,7 +208,7 @@ def _log_det(factor: Array) -> float:
 
 
 @kernel
-def _covariance(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float, int]:
+def _covariance(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[float, int]:
     """Log trace or log determinant of the targets' covariance, and the number of directions written."""
     size, count, inverse, halves, trace = len(subspace), len(goal.targets), work.product, work.halves, 0.0
     for m in range(count):
@@ -229,7 +229,7 @@ def _covariance(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float
 
 
 @kernel
-def _tool(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float, int]:
+def _tool(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[float, int]:
     """Log determinant of a tool's covariance, and the number of directions written.
 
     With t = amount · G A, K = prior + runs · amount · G and X = K⁻¹ t, the tool's information is
@@ -261,7 +261,7 @@ def _tool(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float, int]
 
 
 @kernel
-def goal_of(goal: GoalArrays, subspace: Array, gram: Array, work: Scratch) -> tuple[float, int]:
+def goal_of(goal: GoalArrays, subspace: Array, gram: Array, work: GoalBuffers) -> tuple[float, int]:
     """Goal for a Gram matrix of the base columns (p, p), and the number of directions written.
 
     If the matrix is not finite or not positive definite, the goal is infinite without directions.

@@ -16,7 +16,7 @@ from sidegan.kernels.dynamics import (
     DQ,
     LANES,
     Block,
-    Limits,
+    PenaltyLimits,
     clear,
     enter,
     forces,
@@ -25,18 +25,18 @@ from sidegan.kernels.dynamics import (
     push,
     step_of,
 )
-from sidegan.kernels.dynamics import Scratch as Lanes
+from sidegan.kernels.dynamics import DynamicsBuffers as Lanes
 from sidegan.kernels.jit import kernel
-from sidegan.kernels.regressor import SPAN, Columns, mirror, rows_of, tile
+from sidegan.kernels.regressor import SPAN, Columns, base_rows, mirror, tile
 
-KINDS = ("rotor_inertia", "viscous", "coulomb", "offset")
-_ROTOR, _VISCOUS, _, _OFFSET = range(len(KINDS))
+TERM_KINDS = ("rotor_inertia", "viscous", "coulomb", "offset")
+_ROTOR, _VISCOUS, _, _OFFSET = range(len(TERM_KINDS))
 
 
 class JointTerms(NamedTuple):
     """E terms, ordered by joint, and the weights of the joints."""
 
-    kinds: Array  # index of each term's kind in ``KINDS``, (E,)
+    kinds: Array  # index of each term's kind in ``TERM_KINDS``, (E,)
     first: Array  # first term of each joint, and E at the end, (J + 1,)
     width: float  # velocity scale of the smooth sign tanh(dq / width) [rad/s or m/s]
     roots: Array  # square roots of the weights of the joint torques, (J,)
@@ -51,7 +51,7 @@ class Signals(NamedTuple):
     shares: Array  # the terms' parameters in each set, (K, E)
 
 
-Terms = tuple[JointTerms, Signals]
+TermSignals = tuple[JointTerms, Signals]
 
 
 def no_terms(joints: int) -> JointTerms:
@@ -61,9 +61,8 @@ def no_terms(joints: int) -> JointTerms:
 
 def signals_for(terms: JointTerms, samples: int, sets: int) -> Signals:
     """Signals for T samples and K parameter sets, all zero."""
-    count = len(terms.kinds)
-    values, rates, pushes = (np.zeros((count, samples)) for _ in range(3))
-    return Signals(values, rates, pushes, np.zeros((sets, count)))
+    size = len(terms.kinds), samples
+    return Signals(np.zeros(size), np.zeros(size), np.zeros(size), np.zeros((sets, len(terms.kinds))))
 
 
 @kernel
@@ -159,7 +158,7 @@ def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
 
 @kernel
 def weighted_grams(
-    chain: Chain, states: Array, columns: Columns, terms: Terms, grams: Array, work: Lanes, y: Array
+    chain: Chain, states: Array, columns: Columns, terms: TermSignals, grams: Array, work: Lanes, y: Array
 ) -> None:
     """Write the Gram matrices YᵀWY / T, (B, P, P), of B trajectories' states (5, B, J, T).
 
@@ -174,7 +173,7 @@ def weighted_grams(
             clear(gram[p])
         for start in range(0, count, SPAN):
             block = b, start, min(SPAN, count - start)
-            span = rows_of(chain, states, block, columns, work, y)
+            span = base_rows(chain, states, block, columns, work, y)
             _weigh(columns, roots, span, y)
             for i in range(len(roots)):
                 for p in range(first[i], first[i + 1], 4):
@@ -187,9 +186,9 @@ def weighted_grams(
 @kernel
 def weighted_slopes(
     chain: Chain,
-    limits: Limits,
+    limits: PenaltyLimits,
     states: Array,
-    terms: Terms,
+    terms: TermSignals,
     directions: tuple[Array, Array],
     slope: Array,
     work: Lanes,

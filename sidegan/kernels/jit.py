@@ -1,8 +1,9 @@
 """Compilation of kernels: once, then loaded from a cache on disk.
 
 Kernels call each other without a Python wrapper; only kernels called from Python get one, because it takes
-longer to compile than most kernels. Without reference counting (``_nrt``) kernels are twice as fast but
-cannot allocate memory: the caller passes scratch arrays.
+longer to compile than most kernels. What kernels call is cached, too: numba's public way to such functions,
+``register_jitable``, would compile it again for every kernel and in every process. Without reference counting
+(``_nrt``) kernels are twice as fast but cannot allocate memory: the caller passes scratch arrays.
 """
 
 import hashlib
@@ -36,7 +37,7 @@ _ANY_ORDER: Any = {"fastmath": {"contract", "reassoc"}}
 _PATIENCE = 120.0  # [s] to wait for another process that compiles a kernel, before compiling it too
 _KEPT = 3  # cached older versions of the kernels
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 Function = Callable[..., Any]
 
@@ -159,10 +160,10 @@ def _remove_old(within: Path, new: Path) -> None:
 @cache
 def _tell() -> None:
     """Log once that compilation takes a while."""
-    log.info("compiling for this processor, once, which takes up to a minute")
+    _log.info("compiling for this processor, once, which takes up to a minute")
 
 
-def share(module: ModuleType) -> None:
+def inline_functions(module: ModuleType) -> None:
     """Let kernels call the functions of a module, inlined; in Python they stay functions."""
     for function in vars(module).values():
         if isfunction(function):

@@ -8,8 +8,8 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.kernels import formulas
 from sidegan.kernels.chain import Chain
-from sidegan.kernels.formulas import Matrix, Ten, Vector, add, times
-from sidegan.kernels.jit import inline, kernel, share
+from sidegan.kernels.formulas import Matrix, Ten, Vector, add, scale
+from sidegan.kernels.jit import inline, inline_functions, kernel
 
 TOUCHING = 1e-12  # [m] shorter distances have no direction
 _QUARTERS = 2 / math.pi  # quarter turns per radian
@@ -18,10 +18,10 @@ _FIRST, _SECOND, _THIRD = 1.57079632673412561417e00, 6.07710050630396597660e-11,
 _S = tuple((-1.0) ** n / math.factorial(2 * n + 1) for n in range(9))  # of x, x³, x⁵ …
 _C = tuple((-1.0) ** n / math.factorial(2 * n) for n in range(10))  # of 1, x², x⁴ …
 
-share(formulas)
+inline_functions(formulas)
 
 
-class Joint(NamedTuple):
+class ChainJoint(NamedTuple):
     """One joint of a ``Chain``."""
 
     fixed: Matrix
@@ -71,25 +71,25 @@ def ten(x: Array, i: int) -> Ten:
 @inline
 def _mix(a: Vector, b: Vector, s: float, c: float, d: Vector) -> Vector:
     """The sum a + s b + c d."""
-    return add(add(a, times(s, b)), times(c, d))
+    return add(add(a, scale(s, b)), scale(c, d))
 
 
 @inline
-def joint(chain: Chain, i: int) -> Joint:
+def joint(chain: Chain, i: int) -> ChainJoint:
     """Joint i of a chain."""
     turns = matrix(chain.fixed, i), matrix(chain.sine, i), matrix(chain.cosine, i)
     moves = row(chain.origin, i), row(chain.slide, i), row(chain.axis, i)
     slides = 1.0 if chain.prismatic[i] else 0.0
-    return Joint(turns[0], turns[1], turns[2], moves[0], moves[1], moves[2], slides)
+    return ChainJoint(turns[0], turns[1], turns[2], moves[0], moves[1], moves[2], slides)
 
 
 @inline
-def placement(j: Joint, s: float, c: float, q: float) -> tuple[Matrix, Vector]:
+def placement(j: ChainJoint, s: float, c: float, q: float) -> tuple[Matrix, Vector]:
     """Rotation and origin of a joint's frame in its parent's, given sine s and cosine c of position q."""
     r0 = _mix(j.fixed[0], j.sine[0], s, c, j.cosine[0])
     r1 = _mix(j.fixed[1], j.sine[1], s, c, j.cosine[1])
     r2 = _mix(j.fixed[2], j.sine[2], s, c, j.cosine[2])
-    return (r0, r1, r2), add(j.origin, times(q, j.slide))
+    return (r0, r1, r2), add(j.origin, scale(q, j.slide))
 
 
 @kernel

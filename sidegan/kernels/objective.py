@@ -9,7 +9,7 @@ from sidegan.base.arrays import Array
 from sidegan.kernels import HOPELESS, apart, dynamics, eigen, goals, information, regressor
 from sidegan.kernels.apart import keep_apart
 from sidegan.kernels.chain import Chain, Shapes
-from sidegan.kernels.dynamics import COS, DDQ, DQ, SIN, Limits, Q, beyond, clear
+from sidegan.kernels.dynamics import COS, DDQ, DQ, SIN, PenaltyLimits, Q, clear, limit_excess
 from sidegan.kernels.eigen import add_to, product
 from sidegan.kernels.goals import goal_of, to_orthonormal
 from sidegan.kernels.information import weighted_grams, weighted_slopes
@@ -33,45 +33,45 @@ class Plan(NamedTuple):
     basis: Array  # derivatives 0 to 2 of the K basis functions at T samples, (3, K, T)
     # derivatives 0, 1 and those that ``higher`` limits, at S finer samples that include the T, (2 + L, K, S)
     fine: Array
-    limits: Limits  # for torques at the T samples, for everything else at the finer ones
+    limits: PenaltyLimits  # for torques at the T samples, for everything else at the finer ones
     higher: Array  # limits on acceleration, jerk, …, (L, J); infinite where unlimited
     close: float  # weight of squared distance shortfalls, at the finer samples [1/m²]
     reach: float  # distance below which the penalty starts [m]
     goal: goals.GoalArrays
 
 
-class Scratch(NamedTuple):
+class PlanBuffers(NamedTuple):
     """Scratch arrays of one thread."""
 
     c: Array  # coefficients, (J, K)
     states: Array  # (5, 1, J, T)
     fine: Array  # states at the finer samples, without accelerations, (4, J, S)
     line: Array  # one derivative at the finer samples, (J, S)
-    lanes: dynamics.Scratch
+    lanes: dynamics.DynamicsBuffers
     y: Array  # regressor
     gram: Array  # (1, P, P)
-    goal: goals.Scratch
+    goal: goals.GoalBuffers
     sets: Array  # inertial parameters of the directions, (D, 10 J)
     signals: information.Signals
     slope: Array  # gradient in positions, velocities and accelerations, (3, J, T)
     push: Array  # gradient in the derivatives limited at the finer samples, (2 + L, J, S)
-    near: apart.Scratch
+    near: apart.DistanceBuffers
     back: Array  # gradient in the coefficients, (J, K)
     ends: Array  # smallest and largest eigenvalue, (2,)
 
 
-def scratch(plan: Plan) -> Scratch:
+def plan_buffers(plan: Plan) -> PlanBuffers:
     """Scratch arrays for a plan, or any other of the same dimensions."""
     joints, functions, _ = plan.matrix.shape
     size, samples, finer = len(plan.subspace), plan.basis.shape[2], plan.fine.shape[2]
-    goal = goals.scratch(plan.goal)
+    goal = goals.goal_buffers(plan.goal)
     sets = len(goal.weights)
-    return Scratch(
+    return PlanBuffers(
         np.zeros((joints, functions)),
         dynamics.aligned(5, 1, joints, samples),
         dynamics.aligned(4, joints, finer),
         dynamics.aligned(joints, finer),
-        dynamics.scratch(plan.chain),
+        dynamics.dynamics_buffers(plan.chain),
         dynamics.aligned(size, joints * regressor.SPAN),
         np.zeros((1, size, size)),
         goal,
@@ -79,7 +79,7 @@ def scratch(plan: Plan) -> Scratch:
         information.signals_for(plan.extra, samples, sets),
         dynamics.aligned(3, joints, samples),
         dynamics.aligned(len(plan.fine), joints, finer),
-        apart.scratch(len(plan.shapes.frame), joints),
+        apart.distance_buffers(len(plan.shapes.frame), joints),
         np.zeros((joints, functions)),
         np.zeros(2),
     )
@@ -99,7 +99,7 @@ def _combine(c: Array, basis: Array, out: Array) -> None:
 
 
 @kernel
-def _move(plan: Plan, x: Array, work: Scratch) -> None:
+def _move(plan: Plan, x: Array, work: PlanBuffers) -> None:
     """Write the coefficients (J, K) [rad/s] and the states of a point (J, K)."""
     for j in range(len(x)):
         for k in range(x.shape[1]):
@@ -108,7 +108,7 @@ def _move(plan: Plan, x: Array, work: Scratch) -> None:
 
 
 @kernel
-def roll_out(plan: Plan, work: Scratch) -> None:
+def roll_out(plan: Plan, work: PlanBuffers) -> None:
     """Write the states that the coefficients give on both sample grids."""
     fine, states = work.fine, work.states
     joints, samples, finer = len(plan.home), states.shape[3], fine.shape[2]
@@ -135,14 +135,14 @@ def _cost_of(x: Array, middle: float, limit: float, reserve: float, weight: floa
     """Penalty of a signal for leaving its range; writes its gradient."""
     total = 0.0
     for n in range(len(x)):
-        excess = beyond(x[n] - middle, limit, reserve)
+        excess = limit_excess(x[n] - middle, limit, reserve)
         slope[n] = 2.0 * weight / limit * excess
         total += excess * excess
     return weight * total
 
 
 @kernel
-def _bound(plan: Plan, work: Scratch) -> float:
+def _bound(plan: Plan, work: PlanBuffers) -> float:
     """Penalty of positions, velocities and higher derivatives; writes its gradient."""
     bounds, fine, push, total = plan.limits, work.fine, work.push, 0.0
     weight, reserve = bounds.weight, bounds.reserve
@@ -159,7 +159,7 @@ def _bound(plan: Plan, work: Scratch) -> float:
 
 
 @kernel
-def _pull_back(plan: Plan, gradient: Array, work: Scratch) -> None:
+def _pull_back(plan: Plan, gradient: Array, work: PlanBuffers) -> None:
     """Propagate the gradients on both sample grids back to the point."""
     joints, functions = work.back.shape
     samples, finer = work.states.shape[3], work.fine.shape[2]
@@ -178,14 +178,14 @@ def _pull_back(plan: Plan, gradient: Array, work: Scratch) -> None:
 
 
 @kernel
-def slopes(plan: Plan, count: int, work: Scratch) -> float:
+def slopes(plan: Plan, count: int, work: PlanBuffers) -> float:
     """Torque penalty; writes the gradient of it plus the energy of ``count`` directions in the states."""
     directions, extra = (work.sets, work.goal.weights[:count]), (plan.extra, work.signals)
     return weighted_slopes(plan.chain, plan.limits, work.states, extra, directions, work.slope, work.lanes)
 
 
 @part
-def _penalised(plan: Plan, count: int, gradient: Array, work: Scratch) -> float:
+def _penalised(plan: Plan, count: int, gradient: Array, work: PlanBuffers) -> float:
     """Penalty of the states; writes the gradient of it plus the energy of ``count`` directions."""
     columns, first, samples = plan.columns, plan.columns.first, work.states.shape[3]
     for k in range(count):
@@ -204,7 +204,7 @@ def _penalised(plan: Plan, count: int, gradient: Array, work: Scratch) -> float:
 
 
 @part
-def objective_of(plan: Plan, x: Array, gradient: Array, work: Scratch) -> tuple[float, float]:
+def objective_of(plan: Plan, x: Array, gradient: Array, work: PlanBuffers) -> tuple[float, float]:
     """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K).
 
     Where the goal is not finite, it is infinite and the gradient and the penalty are zero.
@@ -221,13 +221,9 @@ def objective_of(plan: Plan, x: Array, gradient: Array, work: Scratch) -> tuple[
 
 
 @kernel
-def objective(plan: Plan, x: Array, gradient: Array, work: Scratch) -> tuple[float, float]:
-    """``objective_of`` as a kernel of its own."""
-    return objective_of(plan, x, gradient, work)
-
-
-@kernel
-def pull_back(plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Array, work: Scratch) -> float:
+def energy_gradient(
+    plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Array, work: PlanBuffers
+) -> float:
     """Penalty of a point (J, K); writes the gradient of it plus Σ weight · |Y v|² / T, (J, K).
 
     The vectors v, (D, p), hold rigid-body parameters only; joint weights apply to the rows of Y.
@@ -255,14 +251,14 @@ def _beyond_most(x: Array, middle: float, limit: float) -> float:
 
 
 @kernel
-def _limits(plan: Plan, numbers: Array, work: Scratch) -> None:
+def _limits(plan: Plan, numbers: Array, work: PlanBuffers) -> None:
     """Write the violations of positions, velocities, torques and higher derivatives."""
     limits, torque = plan.limits, work.slope[0]
     limited = False
     for j in range(len(plan.home)):
         limited |= math.isfinite(limits.torque[j])
     if limited:
-        dynamics.torques(plan.chain, work.states, limits.parameters, torque, work.lanes)
+        dynamics.inverse_dynamics(plan.chain, work.states, limits.parameters, torque, work.lanes)
         for j in range(len(plan.home)):
             for n in range(len(torque[j])):
                 own = limits.viscous[j] * work.states[DQ, 0, j, n]
@@ -284,7 +280,7 @@ def _limits(plan: Plan, numbers: Array, work: Scratch) -> None:
 
 
 @kernel
-def _ratio(plan: Plan, weakest: int, work: Scratch) -> float:
+def _ratio(plan: Plan, weakest: int, work: PlanBuffers) -> float:
     """Largest eigenvalue of YᵀWY over that of ascending rank ``weakest``; infinite if that is noise."""
     extra, size = (plan.extra, work.signals), len(plan.subspace)
     weighted_grams(plan.chain, work.states, plan.columns, extra, work.gram, work.lanes, work.y)
@@ -295,13 +291,13 @@ def _ratio(plan: Plan, weakest: int, work: Scratch) -> float:
     for i in range(size):
         for j in range(size):
             inner[i, j] /= scale
-    eigen.ends(inner, weakest, work.ends, work.goal.rows, work.goal.shifts)
+    eigen.extreme_eigenvalues(inner, weakest, work.ends, work.goal.rows, work.goal.shifts)
     low, high = work.ends[0], work.ends[1]
     return high / low if low > size * _EPS * high else np.inf
 
 
 @kernel
-def evaluate(plan: Plan, weakest: int, c: Array, numbers: Array, work: Scratch) -> None:
+def evaluate(plan: Plan, weakest: int, c: Array, numbers: Array, work: PlanBuffers) -> None:
     """Write log fitness and violations, (B, NUMBERS), of trajectories with coefficients (B, J, K) [rad/s].
 
     Fitness is the ratio of the largest eigenvalue of YᵀWY to that of ascending rank ``weakest``. A violation

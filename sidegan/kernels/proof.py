@@ -10,7 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.kernels.bodies import direction, near_pair, near_pieces, ordered, place_capsule, place_joints
+from sidegan.kernels.bodies import (
+    inner_and_outer,
+    near_pair,
+    near_pieces,
+    pair_direction,
+    place_capsule,
+    place_joints,
+)
 from sidegan.kernels.cells import (
     Model,
     Motions,
@@ -18,17 +25,17 @@ from sidegan.kernels.cells import (
     bend,
     bend_torques,
     bound_motion,
+    cell_torques,
     fastest,
     least_gap,
     least_height,
     place_twists,
-    roll_out,
     torque_rates,
-    torques,
+    write_state,
 )
 from sidegan.kernels.chain import Shapes
 from sidegan.kernels.distances import from_region, near_region
-from sidegan.kernels.formulas import Vector, dot, drift, less, times, to_parent
+from sidegan.kernels.formulas import Vector, dot, drift, less, scale, to_parent
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import TOUCHING, matrix, row, set_row
 
@@ -123,7 +130,7 @@ def _check_torques(model: Model, work: Work, motions: Motions, here: Here, small
 
     Exact rates are computed only if the bounds on the rates do not suffice.
     """
-    torques(model, work)
+    cell_torques(model, work)
     best, half, bent, undecided = smallest.margin[here.n, TORQUE], here.half, work.bent, False
     bend_torques(model, work.motion, motions, here.n, work.sums, bent)
     near = False
@@ -142,9 +149,9 @@ def _check_torques(model: Model, work: Work, motions: Motions, here: Here, small
 @inline
 def _outward(shapes: Shapes, p: int, x: Vector) -> Vector:
     """Unit vector from a pair's inner to its outer body; x points from its second to its first."""
-    inner, _, _, _ = ordered(shapes, p)
+    inner, _, _, _ = inner_and_outer(shapes, p)
     sign = -1.0 if inner == shapes.pairs[p, 0] else 1.0
-    return times(sign / math.sqrt(dot(x, x)), x)
+    return scale(sign / math.sqrt(dot(x, x)), x)
 
 
 @kernel
@@ -163,9 +170,9 @@ def _look_closer(
     slack = _reached(model.pair_reach, p, motion)
     if margin >= slack:
         return margin, slack
-    _, _, f, g = ordered(shapes, p)
+    _, _, f, g = inner_and_outer(shapes, p)
     if margin > 0:
-        normal = _outward(shapes, p, direction(shapes, at.ends, p))
+        normal = _outward(shapes, p, pair_direction(shapes, at.ends, p))
         least = least_gap(bodies, at, work.twist, p, normal, half, False)
         slack = min(slack, margin - (least - bend(model.pair_reach, p, (f, g), motion, half)))
     if margin >= slack or not bodies.hulls.finer[p]:
@@ -212,7 +219,7 @@ def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bo
             most = _reached(model.pair_reach, p, work.motion)
             if _capsules_apart(shapes, ends, p, max(least[COLLISION], most)):
                 continue
-            _, k, f, g = ordered(shapes, p)
+            _, k, f, g = inner_and_outer(shapes, p)
             evenly = here.half * fastest(work.twist, (f, g), row(ends[2], k), shapes.size[k])
             most = min(most, evenly + bend(model.pair_reach, p, (f, g), work.motion, here.half))
         need = max(least[COLLISION], most)
@@ -260,7 +267,7 @@ def visit(model: Model, work: Work, motions: Motions, cells: Cells, smallest: Sm
             before = n
             work.axes[:] = 0.0
         here = Here(n, at, motions.times[at], motions.half, cells.last)
-        roll_out(model.home, motions, n, at, work.state)
+        write_state(model.home, motions, n, at, work.state)
         bound_motion(work.state, motions, n, work.motion)
         unsure[cell] = False
         if wanted[POSITION]:

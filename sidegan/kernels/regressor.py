@@ -8,8 +8,8 @@ from sidegan.kernels.dynamics import (
     LANES,
     SHIFT,
     Block,
+    DynamicsBuffers,
     Lanes,
-    Scratch,
     fill,
     load,
     load_motion,
@@ -18,9 +18,9 @@ from sidegan.kernels.dynamics import (
     step_of,
     store,
 )
-from sidegan.kernels.formulas import add, columns_of, cross, times, to_child
+from sidegan.kernels.formulas import add, columns_of, cross, scale, to_child
 from sidegan.kernels.jit import inline_in_any_order, kernel, kernel_in_any_order
-from sidegan.kernels.links import Joint, joint
+from sidegan.kernels.links import ChainJoint, joint
 
 SPAN = 2 * LANES  # maximum states per block of the regressor, which must fit in the cache
 
@@ -45,10 +45,10 @@ def _carry_screw(link: Lanes, screw: Lanes, width: int) -> None:
 
 
 @kernel
-def _new_screw(j: Joint, screw: Lanes, width: int) -> None:
+def _new_screw(j: ChainJoint, screw: Lanes, width: int) -> None:
     for n in range(min(width, LANES)):
-        store(screw, 0, n, times(1.0 - j.slides, j.axis))
-        store(screw, 3, n, times(j.slides, j.axis))
+        store(screw, 0, n, scale(1.0 - j.slides, j.axis))
+        store(screw, 3, n, scale(j.slides, j.axis))
 
 
 @kernel
@@ -63,7 +63,9 @@ def _columns(link: Lanes, screw: Lanes, ten: Lanes, width: int) -> None:
 
 
 @kernel
-def rows_of(chain: Chain, states: Array, block: Block, columns: Columns, work: Scratch, y: Array) -> int:
+def base_rows(
+    chain: Chain, states: Array, block: Block, columns: Columns, work: DynamicsBuffers, y: Array
+) -> int:
     """Write the base regressor of a block of states; returns the number of lanes per joint.
 
     Row k of y holds column k for joint 0's lanes, then joint 1's, … up to the joint of its own link; joints
@@ -126,8 +128,14 @@ def mirror(x: Array, factor: float) -> None:
 
 
 @kernel
-def sums(
-    chain: Chain, states: Array, torque: Array, columns: Columns, products: Array, work: Scratch, y: Array
+def base_products(
+    chain: Chain,
+    states: Array,
+    torque: Array,
+    columns: Columns,
+    products: Array,
+    work: DynamicsBuffers,
+    y: Array,
 ) -> None:
     """Write each joint's sums of products of base columns and torque, (J, p + 1, p + 1), initially zero.
 
@@ -137,7 +145,7 @@ def sums(
     joints, count, size = states.shape[2], states.shape[3], len(columns.kinds)
     for start in range(0, count, SPAN):
         lanes = min(SPAN, count - start)
-        span = rows_of(chain, states, (0, start, lanes), columns, work, y)
+        span = base_rows(chain, states, (0, start, lanes), columns, work, y)
         for j in range(joints):
             for n in range(span):
                 y[size, j * span + n] = torque[j, start + n] if n < lanes else 0.0

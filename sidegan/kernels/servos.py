@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 from sidegan.base.arrays import Array
 from sidegan.kernels import friction as _friction
-from sidegan.kernels.friction import Law, friction
-from sidegan.kernels.jit import kernel, share
+from sidegan.kernels.friction import Law, friction_torque
+from sidegan.kernels.jit import inline_functions, kernel
 
-share(_friction)
+inline_functions(_friction)
 
 
 class Servos(NamedTuple):
@@ -35,10 +35,10 @@ def drive(
             servo += servos.damping[j] * (servos.velocity[b, i, j] - dq[b, j])
             limit = servos.limit[j]
             motor = min(max(servos.ahead[b, i, j] + servo, -limit), limit)
-            driven = motor - friction(q[b, j], dq[b, j], load[b, j], law, j)
+            driven = motor - friction_torque(q[b, j], dq[b, j], load[b, j], law, j)
             torques[0, b, j] = motor
             torques[1, b, j] = driven
-            torques[2, b, j] = driven - friction(q[b, j], dq[b, j], 0.0, bearings, j)
+            torques[2, b, j] = driven - friction_torque(q[b, j], dq[b, j], 0.0, bearings, j)
 
 
 @kernel

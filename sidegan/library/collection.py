@@ -103,9 +103,16 @@ class Library:
         columns = {name: x[index] for name, x in self.columns().items()}
         return replace(self, **_fields(columns), source=[self.source[i] for i in index.tolist()])
 
+    def read_only(self) -> "Library":
+        """The same trajectories in arrays that cannot be changed; those of this library still can."""
+        columns = {name: x.view() for name, x in self.columns().items()}
+        for x in columns.values():
+            x.flags.writeable = False
+        return replace(self, **_fields(columns))
+
     def merge(self, *others: "Library") -> "Library":
         """These trajectories followed by the others'; a ShapeError if their ``family`` differs."""
-        return _joined((self, *others), sum(map(len, (self, *others))))
+        return join((self, *others), sum(map(len, (self, *others))))
 
     def save(self, path: Path) -> None:
         """Write a Parquet file, a row per trajectory, atomically."""
@@ -133,7 +140,7 @@ class Library:
         """
         paths = (path, *others)
         rows = sum(map(parquet_rows, paths))
-        return _joined((part for file in paths for part in _parts(file, arm)), rows)
+        return join((part for file in paths for part in _parts(file, arm)), rows)
 
 
 def _parts(path: Path, arm: "Arm | None") -> Iterator[Library]:
@@ -167,8 +174,12 @@ def _parts(path: Path, arm: "Arm | None") -> Iterator[Library]:
         yield Library(**_fields(columns), **facts, source=source, home=tuple(family.home))
 
 
-def _joined(parts: Iterable[Library], count: int) -> Library:
-    """A library of ``count`` trajectories from its parts, with only one part at a time in memory."""
+def join(parts: Iterable[Library], count: int) -> Library:
+    """A library of ``count`` trajectories from its parts, with only one part at a time in memory.
+
+    Raises:
+        ShapeError: when the ``family`` of two parts differs.
+    """
     first = None
     rows = 0
     columns = dict[str, Array]()

@@ -12,7 +12,7 @@ from sidegan.base.typed import Count, Natural, Size
 from sidegan.errors import InfeasibleError
 from sidegan.validity import Validity, summarise_faults
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,5 +67,5 @@ def draw_valid(
             f"of the last {len(c)}, {summarise_faults(verdict.faults())}"
         )
     if valid < count:
-        log.warning("only %d valid trajectories in %d draws, expected %d: %s", valid, drawn, count, origin)
+        _log.warning("only %d valid trajectories in %d draws, expected %d: %s", valid, drawn, count, origin)
     return Draws(np.concatenate(kept)[:count], drawn, valid)

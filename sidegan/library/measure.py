@@ -4,8 +4,8 @@ import numpy as np
 
 from sidegan.base.arrays import Array, split
 from sidegan.design import fidelity
-from sidegan.design.excitation import excite
-from sidegan.library.collection import MARGIN, Library
+from sidegan.design.excitation import measure_excitation
+from sidegan.library.collection import Library, join
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
@@ -14,33 +14,29 @@ _AT_ONCE = 250  # trajectories per batch
 _LEAST = 1e-30  # lower bound of diag(YᵀY), which is zero for a column without excitation
 
 
-def measured(constraints: Constraints, trajectory: Trajectory, c: Array, source: str) -> Library:
-    """A library of coefficients (N, J, H, 2), with their margins and excitation."""
-    columns: dict[str, Array] = {}
-    for index in split(np.arange(len(c)), _AT_ONCE):
-        validity = check(constraints, trajectory, c[index])
-        excitation = excite(constraints.body, trajectory, c[index], round(RATE * trajectory.period))
-        found = {
-            "valid": validity.valid,
-            "fitness": excitation.eigenvalue_fitness,
-            "diagonal_fitness": excitation.diagonal_fitness,
-            "spectrum": excitation.spectrum,
-            "diagonal": excitation.diagonal,
-            **{f"{MARGIN}{name}": x for name, x in validity.margins.items()},
-        }
-        for name, x in found.items():  # in place, since a large library should be in memory once
-            columns.setdefault(name, np.empty((len(c), *x.shape[1:]), x.dtype))[index] = x
-    margins = {name: columns.pop(f"{MARGIN}{name}") for name in validity.margins}
-    return Library(
-        coefficients=c,
-        margins=margins,
-        **columns,
-        source=[source] * len(c),
-        robot=constraints.arm.name,
-        digest=constraints.arm.digest,
-        period=trajectory.period,
-        home=tuple(trajectory.home or ()),
-    )
+def library_of(constraints: Constraints, trajectory: Trajectory, c: Array, source: str) -> Library:
+    """A library of copies of coefficients (N, J, H, 2), with their margins and excitation."""
+
+    def measured(part: Array) -> Library:
+        validity = check(constraints, trajectory, part)
+        samples = round(RATE * trajectory.period)
+        excitation = measure_excitation(constraints.body, trajectory, part, samples)
+        return Library(
+            coefficients=part,
+            valid=validity.valid,
+            margins=validity.margins,
+            fitness=excitation.eigenvalue_fitness,
+            diagonal_fitness=excitation.diagonal_fitness,
+            spectrum=excitation.spectrum,
+            diagonal=excitation.diagonal,
+            source=[source] * len(part),
+            robot=constraints.arm.name,
+            digest=constraints.arm.digest,
+            period=trajectory.period,
+            home=tuple(trajectory.home or ()),
+        )
+
+    return join(map(measured, split(c, _AT_ONCE)), len(c))
 
 
 def summary(library: Library) -> dict[str, float]:
@@ -61,7 +57,7 @@ def likeness(library: Library, seeds: Library) -> dict[str, float]:
     """
     count = min(len(library), len(seeds))
     c, other = library.coefficients[:count], seeds.coefficients[:count]
-    diagonals = (np.log(np.maximum(part.diagonal[:count], _LEAST)) for part in (library, seeds))
+    diagonals = [np.log(np.maximum(part.diagonal[:count], _LEAST)) for part in (library, seeds)]
     density, coverage = fidelity.density_and_coverage(c, other)
     density_diagonal, coverage_diagonal = fidelity.density_and_coverage(*diagonals)
     return {
@@ -73,5 +69,5 @@ def likeness(library: Library, seeds: Library) -> dict[str, float]:
         "coverage": coverage,
         "density_diagonal": density_diagonal,
         "coverage_diagonal": coverage_diagonal,
-        "told_apart": fidelity.told_apart(c, other),
+        "told_apart": fidelity.classifier_accuracy(c, other),
     }

@@ -27,7 +27,7 @@ def chain_of(arm: Arm) -> Chain:
     return Chain(*map(array, arrays))
 
 
-def shapes_of(
+def kernel_shapes(
     capsules: Capsules,
     pairs: Array,
     guarded: Array,

@@ -135,7 +135,7 @@ class RigidBody:
         from sidegan.motion import operations
 
         states = self._checked(q, dq, ddq)
-        return operations.sums(self.chain, self.base.columns, states, torque)
+        return operations.joint_sums(self.chain, self.base.columns, states, torque)
 
     def _checked(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> list[Array]:
         """States as float64 arrays, after a check of their shapes."""
@@ -162,11 +162,13 @@ def gram(
     grams = []
     for part in split(c, batch):
         states = body._checked(*trajectory.roll_out(part, times)[1:])
-        grams.append(operations.gram(body.chain, body.base.columns, states, certainty))
+        grams.append(operations.gram_matrices(body.chain, body.base.columns, states, certainty))
     return np.concatenate(grams)
 
 
-_base_of = lru_cache(_ARMS)(BaseParameters.of)
+@lru_cache(_ARMS)
+def _base_of(arm: Arm) -> BaseParameters:
+    return BaseParameters.of(arm)
 
 
 def _first_independent(y: Array) -> Array:

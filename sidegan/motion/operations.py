@@ -29,12 +29,12 @@ def rows(chain: Chain, columns: Array, states: States) -> Array:
     motion = _states(*(x[None] for x in states))
     of_links = columns_of_links(columns, joints)
     y = np.zeros((len(columns), joints * (count + dynamics.LANES)))
-    span = regressor.rows_of(chain, motion, (0, 0, count), of_links, dynamics.scratch(chain), y)
+    span = regressor.base_rows(chain, motion, (0, 0, count), of_links, dynamics.dynamics_buffers(chain), y)
     whole = y[:, : joints * span].reshape(len(columns), joints, span)
     return whole[:, :, :count].transpose(2, 1, 0)
 
 
-def gram(chain: Chain, columns: Array, states: States, certainty: Array | None) -> Array:
+def gram_matrices(chain: Chain, columns: Array, states: States, certainty: Array | None) -> Array:
     """Gram matrices YᵀY / T of ascending columns (p,) of the regressor, (B, p, p), of states (B, T, J).
 
     Each joint's rows of Y are weighted by its certainty, (J,); None: ones.
@@ -51,7 +51,7 @@ def gram(chain: Chain, columns: Array, states: States, certainty: Array | None) 
         y = dynamics.aligned(size, joints * regressor.SPAN)
         motion = _states(*(x[k] for x in states))
         signals = information.signals_for(rigid, count, 0)
-        room = dynamics.scratch(chain)
+        room = dynamics.dynamics_buffers(chain)
         information.weighted_grams(chain, motion, of_links, (rigid, signals), grams[k], room, y)
 
     share(work, batch, count)
@@ -63,11 +63,13 @@ def torques(chain: Chain, states: States, parameters: Array) -> Array:
     count, joints = states[0].shape
     torque = np.empty((joints, count))
     motion = _states(*(x[None] for x in states))
-    dynamics.torques(chain, motion, array(parameters.ravel()), torque, dynamics.scratch(chain))
+    dynamics.inverse_dynamics(
+        chain, motion, array(parameters.ravel()), torque, dynamics.dynamics_buffers(chain)
+    )
     return torque.T
 
 
-def sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
+def joint_sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
     """Each joint's sums of products of columns (p,) and torque, (J, p + 1, p + 1), over states (S, J)."""
     joints = torque.shape[1]
     of_links = columns_of_links(columns, joints)
@@ -80,7 +82,9 @@ def sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
         motion = _states(*(x[k][None] for x in parts[:3]))
         y = dynamics.aligned(size, joints * regressor.SPAN)
         pulled = array(parts[3][k].T)
-        regressor.sums(chain, motion, pulled, of_links, products[k], dynamics.scratch(chain), y)
+        regressor.base_products(
+            chain, motion, pulled, of_links, products[k], dynamics.dynamics_buffers(chain), y
+        )
 
     each(work, count)
     return products.sum(0)
@@ -98,8 +102,7 @@ def _states(q: Array, dq: Array, ddq: Array) -> Array:
     states = np.empty((5, batch, joints, count))
     for row, x in zip(states[2:], (q, dq, ddq)):
         row[...] = x.transpose(0, 2, 1)
-    sine, cosine, position = (x.ravel() for x in states[:3])
-    waves(position, sine, cosine)
+    waves(states[2].ravel(), states[0].ravel(), states[1].ravel())
     return states
 
 

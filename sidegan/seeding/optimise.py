@@ -140,9 +140,9 @@ class Optimiser(ABC):
 
 def settle(problem: Problem, c: Array, smallest: float) -> SeedBatch:
     """Valid candidates [rad/s], (B, J, H, 2), shrunk towards home, to ``smallest`` at most, if that helps."""
-    from sidegan.design.search import proven  # imports compiled code
+    from sidegan.design.search import prove  # imports compiled code
 
-    c, valid, verdict = proven(problem, c, smallest)
+    c, valid, verdict = prove(problem, c, smallest)
     fitness = replace(problem, samples=_FINER * problem.samples).fitness(c)
     good = valid & (fitness < HOPELESS)
     faults = Counter({_ILL: int((valid & ~good).sum())})

@@ -20,7 +20,7 @@ from sidegan.errors import ConfigError, SideganError
 from sidegan.identification import GoalSettings, Terms
 from sidegan.identification.goals import Uncertain, unmeasured, usual_torque
 from sidegan.identification.model import TorqueModel
-from sidegan.library.measure import measured
+from sidegan.library.measure import library_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.steps.trajectories import TrajectorySet
@@ -68,7 +68,9 @@ def excite(
     aim = aim_of(cell, settings, settings_of(Terms, model), known)
     effort = settings_of(SearchSettings, search)
     c = design_set(cell.problem, aim, settings.count, effort, number(seed, "excite"))
-    made = TrajectorySet(cell, measured(cell.constraints, cell.trajectory, c, "excite"), cell.trajectory, aim)
+    made = TrajectorySet(
+        cell, library_of(cell.constraints, cell.trajectory, c, "excite"), cell.trajectory, aim
+    )
     return replace(made, library=made.library.take(made.energy().argsort(kind="stable")))
 
 
@@ -111,8 +113,8 @@ def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, floa
         count = model.count  # what follows are effects on joints, which is no aim of a design
         if not _alike(" ; ".join(model.formulas), " ; ".join(numbers["formulas"][:count])):
             raise ConfigError(f"{path} is for another arm than {arm.name}: its link frames differ")
-        covariance, certainty = (np.array(numbers[name], float) for name in ("covariance", "certainty"))
-        return model, covariance[:count, :count], certainty, float(numbers["rate"])
+        covariance = np.array(numbers["covariance"], float)[:count, :count]
+        return model, covariance, np.array(numbers["certainty"], float), float(numbers["rate"])
     except ConfigError:
         raise
     except (SideganError, KeyError, TypeError, ValueError, RuntimeError) as error:
@@ -123,5 +125,7 @@ def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, floa
 
 def _alike(a: str, b: str) -> bool:
     """Whether two formulas are equal up to rounding of their numbers."""
-    x, y = ([float(number) for number in _NUMBER.findall(text)] for text in (a, b))
-    return _NUMBER.sub("#", a) == _NUMBER.sub("#", b) and bool(np.allclose(x, y, rtol=_ROUNDED, atol=0))
+    if _NUMBER.sub("#", a) != _NUMBER.sub("#", b):
+        return False
+    found, expected = np.array(_NUMBER.findall(a), float), np.array(_NUMBER.findall(b), float)
+    return np.allclose(found, expected, rtol=_ROUNDED, atol=0)

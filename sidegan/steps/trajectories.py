@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -21,23 +20,15 @@ from sidegan.design.excitation import condition_of, information_of
 from sidegan.design.search import ConditionGoal
 from sidegan.design.selection import Selection, choose
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
-from sidegan.identification.goals import Prediction, Uncertain
+from sidegan.identification.goals import Uncertain
 from sidegan.library import LIBRARY, Library
-from sidegan.library.measure import measured
+from sidegan.library.measure import library_of
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.recording.commanded import FOLDER
-from sidegan.robot import placeholder_links
+from sidegan.steps.demands import demands_of, energy_of
+from sidegan.steps.weak_sets import excitation_warnings
 from sidegan.validity import check
-from sidegan.validity.remedies import binding, remedy
 
-# Thresholds of a good set.
-_LITTLE = 0.3  # least median over joints of the share of the limits on motion that they use
-_CONDITION = 1e5  # largest condition number
-_UNCERTAIN = 0.1  # largest uncertainty of torques, relative to their usual size
-
-_DISTANCE_RATE = 25.0  # [Hz] at which distances are computed
-_RATES = {"velocity": (1, "/s"), "acceleration": (2, "/s²"), "jerk": (3, "/s³")}  # order and unit
-_UNLIMITED = np.array(np.inf)
 _SIGNALS = {"q": "position", "dq": "velocity", "ddq": "acceleration"}
 
 
@@ -59,8 +50,8 @@ class TrajectorySet:
     aim: Uncertain | ConditionGoal | None = None
 
     def __post_init__(self) -> None:
-        for x in self.library.columns().values():  # measures would be wrong for other coefficients
-            x.flags.writeable = False
+        # Measures would be wrong for other coefficients.
+        object.__setattr__(self, "library", self.library.read_only())
 
     @classmethod
     def of(cls, cell: Cell, coefficients: ArrayLike, source: str = "given") -> "TrajectorySet":
@@ -71,11 +62,11 @@ class TrajectorySet:
             ShapeError: when they do not fit the family, are those of a set with another, or are empty.
         """
         require_cell(cell)
-        c = coefficients_of(coefficients, cell).copy()
+        c = coefficients_of(coefficients, cell)
         cell.trajectory.check(c)
         if not len(c):
             raise ShapeError("there are no coefficients, expected those of one trajectory or more")
-        return cls(cell, measured(cell.constraints, cell.trajectory, c, source), cell.trajectory)
+        return cls(cell, library_of(cell.constraints, cell.trajectory, c, source), cell.trajectory)
 
     @classmethod
     def load(cls, folder: str | Path, cell: Cell) -> "TrajectorySet":
@@ -88,7 +79,7 @@ class TrajectorySet:
         stored = Library.load(path_of(folder, "folder") / LIBRARY, cell.arm)
         joints, harmonics, _ = stored.coefficients.shape[1:]
         family = Trajectory(joints, harmonics, stored.period, stored.home)
-        library = measured(cell.constraints, family, stored.coefficients, "")
+        library = library_of(cell.constraints, family, stored.coefficients, "")
         return cls(cell, replace(library, source=stored.source), family)
 
     def __len__(self) -> int:
@@ -134,25 +125,7 @@ class TrajectorySet:
     @property
     def warnings(self) -> list[str]:
         """Why the set hardly excites the arm, and what helps; empty for a good set."""
-        use = np.median(
-            replace(self.cell.problem, trajectory=self.family).limit_use(self.coefficients).max(0)
-        )
-        reasons = []
-        if use < _LITTLE:
-            reasons.append(f"it uses {use:.0%} of the limits on motion")
-        if not self.condition <= _CONDITION:
-            reasons.append(f"its condition is {plain(self.condition)}")
-        if isinstance(self.aim, Uncertain) and isinstance(self.aim.purpose, Prediction):
-            error = np.sqrt(np.square(self.aim.deviations).mean())
-            if not error <= _UNCERTAIN:
-                reasons.append(f"it leaves torques uncertain by {error:.0%} of their usual size")
-        if not reasons:
-            return []
-        text = f"the set hardly excites the arm: {', '.join(reasons)}"
-        if where := binding(self.cell.constraints, self.family, self.coefficients):
-            helps = remedy(self.cell.constraints, where)
-            text += f"; it is limited by {where[0]} of {where[1]}: try {helps}"
-        return [text]
+        return excitation_warnings(self.cell, self.family, self.coefficients, self.condition, self.aim)
 
     def select(
         self, count: int, method: str = "greedy", noise: Sequence[float] | None = None
@@ -215,34 +188,17 @@ class TrajectorySet:
                 f"{found.failures(first)[0]}; plan a slower one: robot.effort or trajectory.period"
             )
         source = self.library.source[0]
-        return TrajectorySet(self.cell, measured(self.cell.constraints, family, c, source), family, self.aim)
+        return TrajectorySet(
+            self.cell, library_of(self.cell.constraints, family, c, source), family, self.aim
+        )
 
     def energy(self, rate: float = 100.0) -> Array:
         """Mechanical work of the joints, whether they drive or brake [J], (N,), summed at a rate [Hz]."""
-        motion = self.motion(rate)
-        power = np.abs(self.cell.body.drive_torque(*motion[1:]) * motion.velocity).sum(2)
-        return np.trapezoid(power, motion.time, axis=1)
+        return energy_of(self.cell, self.motion(rate))
 
     def demands(self, rate: float = 100.0) -> pd.DataFrame:
         """Demands of each trajectory as text: peaks at a rate [Hz], clearance and energy."""
-        cell, arm, c = self.cell, self.cell.whole_arm, self.coefficients
-        times = self.family.times(rate)
-        q = self.family.derivative(c, self.family.times(_DISTANCE_RATE), 0)
-        nearest = cell.constraints.nearest(q.reshape(-1, arm.joints))[0].reshape(len(q), -1).min(1)
-        known = bool(arm.inertial_parameters.any()) and not placeholder_links(arm)
-        slides = arm.prismatic.tolist()
-        limits = {"velocity": arm.velocity_limit, **arm.higher_limits}
-        columns: dict[str, list[str] | str] = {"cond(YᵀY)": [plain(x) for x in self.conditions.tolist()]}
-        for name, (order, per) in _RATES.items():
-            units = [f"{'m' if prismatic else 'rad'}{per}" for prismatic in slides]
-            x = self.family.derivative(c, times, order)
-            columns[f"peak {name}"] = peaks(x, limits.get(name, _UNLIMITED), units)
-        efforts = ["N" if prismatic else "N·m" for prismatic in slides]
-        torque = cell.body.drive_torque(*self.motion(rate)[1:])
-        columns["peak torque"] = peaks(torque, arm.torque_limit, efforts) if known else "—"
-        columns["clearance [m]"] = [f"{x:.3f}" if isfinite(x) else "—" for x in nearest.tolist()]
-        columns["energy [J]"] = [plain(x) for x in self.energy(rate).tolist()] if known else "—"
-        return pd.DataFrame(columns, pd.RangeIndex(1, len(self) + 1, name="trajectory"))
+        return demands_of(self.cell, self.family, self.coefficients, self.conditions, rate)
 
     def save(
         self, folder: str | Path, controllers: ExportSettings | Mapping[str, Any] | None = None
@@ -290,12 +246,3 @@ class TrajectorySet:
         titles = [f"{k} · cond {plain(x)}" for k, x in enumerate(self.conditions.tolist(), 1)]
         shown = self.family, self.coefficients, titles, self.demands(rate)
         write_view(path_of(path, "path"), self.cell.constraints, self.cell.whole_arm, *shown, steps)
-
-
-def peaks(x: Array, limit: Array, units: list[str]) -> list[str]:
-    """Largest value over joints (N, T, J), relative to limits (J,), as text with share and unit, (N,)."""
-    most = np.abs(x).max(1)
-    limited = np.isfinite(limit).any()
-    share = most / limit if limited else most
-    values = [f"{plain(row[j])} {units[j]}" for row, j in zip(most, share.argmax(1))]
-    return [f"{used:.0%}, {value}" for used, value in zip(share.max(1), values)] if limited else values

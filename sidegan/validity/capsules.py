@@ -9,7 +9,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.kernels.chain import Chain, Shapes
-from sidegan.motion.arrays import array, chain_of, shapes_of
+from sidegan.motion.arrays import array, chain_of, kernel_shapes
 from sidegan.robot import Arm
 from sidegan.robot.fitting import from_segment
 from sidegan.validity.regions import tables
@@ -43,7 +43,7 @@ def clearances(chain: Chain, shapes: Shapes, q: Array) -> tuple[Array, Array]:
     from sidegan.kernels import bodies as kernel
 
     found = tuple(np.empty((len(q), len(x))) for x in (shapes.pairs, shapes.guarded))
-    kernel.clearances(chain, shapes, array(q), *found, kernel.place_for(shapes, q.shape[1]))
+    kernel.signed_distances(chain, shapes, array(q), *found, kernel.pose_for(shapes, q.shape[1]))
     return found[0], found[1]
 
 
@@ -54,7 +54,7 @@ def capsule_distances(arm: Arm, q: Array, pairs: Array) -> Array:
 
 def shapes_alone(arm: Arm, pairs: Array) -> Shapes:
     """Capsules and pairs of them, (P, 2), without regions, for compiled kernels."""
-    return shapes_of(arm.capsules, pairs, np.zeros((0, 2), dtype=int), tables(()))
+    return kernel_shapes(arm.capsules, pairs, np.zeros((0, 2), dtype=int), tables(()))
 
 
 @lru_cache(maxsize=16)
@@ -145,7 +145,7 @@ def piece_distances(bodies: "Bodies", q: Array, asked: Array, need: float = math
 
     found = np.empty(len(asked))
     if len(asked):
-        room = kernel.place_for(bodies.shapes, q.shape[1])
+        room = kernel.pose_for(bodies.shapes, q.shape[1])
         kernel.distances(bodies, array(q), array(asked), need, found, room)
     return found
 
@@ -165,7 +165,7 @@ def never_touching(arm: Arm, pairs: Array) -> Array:
     reach = array(reaches(arm, pairs, pairs[:0])[1])
     link = arm.capsules.link[pairs]
     work = np.empty((2, _DEPTH, arm.joints))
-    room = kernel.place_for(bodies.shapes, arm.joints)
+    room = kernel.pose_for(bodies.shapes, arm.joints)
     for p, joints in enumerate(np.abs(link[:, 0] - link[:, 1]).tolist()):
         work[0, 0] = (arm.position_upper + arm.position_lower) / 2
         work[1, 0] = (arm.position_upper - arm.position_lower) / 2

@@ -10,7 +10,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.kernels.chain import Shapes
-from sidegan.motion.arrays import shapes_of
+from sidegan.motion.arrays import kernel_shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 from sidegan.validity.capsules import bodies_of, clearances, piece_distances, thicker
@@ -158,7 +158,7 @@ class Constraints:
 
     def _shapes_of(self, pairs: Array, guarded: Array) -> Shapes:
         closer = self.apart - self.gaps if len(pairs) else None
-        return shapes_of(self._thick.capsules, pairs, guarded, tables(self.kept_out), closer)
+        return kernel_shapes(self._thick.capsules, pairs, guarded, tables(self.kept_out), closer)
 
     def described(self) -> str:
         """What is checked and what is not, in one line for people."""

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.motion.arrays import chain_of, shapes_of
+from sidegan.motion.arrays import chain_of, kernel_shapes
 from sidegan.robot import Arm, Capsules
 from sidegan.robot.placement import stands
 from sidegan.robot.visuals import foot, like_the_arm
@@ -91,7 +91,7 @@ def _leaves(arm: Arm, plane: Plane) -> bool:
     arm = with_points(arm)
     moving = np.flatnonzero(arm.capsules.link >= 0)
     guarded = np.stack([np.zeros_like(moving), moving], 1)
-    shapes = shapes_of(arm.capsules, guarded[:0], guarded, tables([plane]))
+    shapes = kernel_shapes(arm.capsules, guarded[:0], guarded, tables([plane]))
     clear = clearances(chain_of(arm), shapes, sampled(arm))[1] > 0  # (N, K)
     clear = clear[:, clear.any(0)]
     return clear.size > 0 and float(clear.all(1).mean()) >= _STANDS

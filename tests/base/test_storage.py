@@ -11,7 +11,8 @@ import pytest
 
 from sidegan.base import storage
 from sidegan.base.storage import read_arrays, read_json, read_parquet, write_bytes, write_json
-from sidegan.errors import ArtifactError, ShapeError, StorageError
+from sidegan.errors import ArtifactError, ShapeError, SideganError, StorageError
+from tests.refusals import refused
 
 TABLE = pa.table({"x": list(range(5000)), "name": ["a", "b"] * 2500})
 STATE = {"weight": np.arange(5000.0), "names": np.array(["a", "ü"])}
@@ -62,7 +63,7 @@ def test_written_files_read_back(path):
 
 @pytest.mark.parametrize("kind", WRITERS)
 def test_a_write_is_atomic(path, kind):
-    with pytest.raises(StorageError, match=rf"cannot write {path}: .*too large"), small_files_only():
+    with refused(StorageError, str(path)), small_files_only():
         WRITERS[kind](path)
     assert path.read_bytes() == b"old"
     WRITERS[kind](path)
@@ -70,15 +71,15 @@ def test_a_write_is_atomic(path, kind):
     assert list(path.parent.iterdir()) == [path]
     WRITERS[kind](path.parent / "new" / "folder" / "file")
     assert (path.parent / "new" / "folder" / "file").exists()
-    with pytest.raises(StorageError, match="file"):
+    with refused(StorageError, str(path / "below")):
         WRITERS[kind](path / "below")
-    with pytest.raises(StorageError, match="folder"):
+    with refused(StorageError, "folder"):
         WRITERS[kind](path.parent / "new" / "folder")
     assert sorted(x.name for x in path.parent.iterdir()) == ["file", "new"]
 
 
 def test_json_refuses_non_standard_values(path):
-    with pytest.raises(ShapeError, match=str(path)):
+    with refused(ShapeError, str(path)):
         write_json(path, {"x": float("nan")})
     assert path.read_bytes() == b"old"
 
@@ -90,7 +91,7 @@ def full(*_):
 @pytest.mark.parametrize("call", ["fsync", "replace"])
 def test_a_system_error_names_path_and_reason(path, monkeypatch, call):
     monkeypatch.setattr(os, call, full)
-    with pytest.raises(StorageError, match=rf"cannot write {path}: {os.strerror(errno.ENOSPC)}"):
+    with refused(StorageError, str(path), os.strerror(errno.ENOSPC)):
         write_bytes(path, b"x")
     assert list(path.parent.iterdir()) == [path] and path.read_bytes() == b"old"
 
@@ -118,12 +119,12 @@ def test_missing_and_damaged_files_are_refused(path, kind):
     content = path.read_bytes()
     for damage in DAMAGES:
         path.write_bytes(damage(content))
-        with pytest.raises(ArtifactError, match=str(path)):
+        with refused(ArtifactError, str(path)):
             READERS[kind](path)
     path.unlink()
-    with pytest.raises(ArtifactError, match=f"there is no file {path}"):
+    with refused(ArtifactError, str(path)):
         READERS[kind](path)
-    with pytest.raises((StorageError, ArtifactError), match=str(path.parent)):
+    with refused(SideganError, str(path.parent)):  # a folder
         READERS[kind](path.parent)
 
 
@@ -136,7 +137,7 @@ def test_reading_arrays_executes_no_pickled_code(path, monkeypatch):
     monkeypatch.chdir(path.parent)
     with path.open("wb") as file:
         np.savez(file, x=np.array(Harmful()))
-    with pytest.raises(ArtifactError, match="NumPy"):
+    with refused(ArtifactError, str(path)):
         read_arrays(path)
     assert list(path.parent.iterdir()) == [path]
 

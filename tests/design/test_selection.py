@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.design import selection
-from sidegan.design.excitation import excite, information_of
-from sidegan.design.selection import Selection, a_optimal, choose, d_optimal, greedy
+from sidegan.design.excitation import information_of, measure_excitation
+from sidegan.design.selection import Candidates, Selection, a_optimal, choose, d_optimal, greedy
 
 from .conftest import semidefinite
 
@@ -118,13 +117,12 @@ def test_ties_go_to_the_first(pick):
 
 @pytest.mark.parametrize("noise", [None, [3.0, 0.5]])
 @pytest.mark.parametrize("pick", PICKS.values())
-def test_the_configured_pick_is_that_of_the_function_it_names(
-    planar_problem, random, pick, noise, monkeypatch
-):
-    of = planar_problem.body, planar_problem.trajectory, planar_problem.start(40, random)
-    for held in (40, 39):  # at once, or made when it is looked at
-        monkeypatch.setattr(selection, "_HELD", held)
-        chosen = choose(Selection(count=5, method=pick.__name__, noise=noise), *of, np.zeros((0, 0)))
-        assert chosen.tolist() == pick(information_of(*of, noise=noise), 5).tolist()
-    diagonal = excite(*of).diagonal
-    assert choose(Selection(count=5), *of, diagonal).tolist() == greedy(diagonal, 5).tolist()
+def test_the_configured_pick_is_that_of_the_function_it_names(planar_problem, random, pick, noise):
+    body, family, c = planar_problem.body, planar_problem.trajectory, planar_problem.start(40, random)
+    settings = Selection(count=5, method=pick.__name__, noise=noise)
+    chosen = choose(settings, body, family, c, np.zeros((0, 0))).tolist()
+    information = information_of(body, family, c, noise=noise)
+    assert chosen == pick(information, 5).tolist()
+    assert chosen == pick(Candidates(40, lambda index: information[index]), 5).tolist()  # made when looked at
+    diagonal = measure_excitation(body, family, c).diagonal
+    assert choose(Selection(count=5), body, family, c, diagonal).tolist() == greedy(diagonal, 5).tolist()

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from sidegan.base.arrays import flatten
-from sidegan.design.excitation import excite
+from sidegan.design.excitation import measure_excitation
 from sidegan.design.fidelity import mean_distance
 from sidegan.gan.metrics import measure_samples, random_set_errors
 
 
 def test_seeds_are_valid_and_diverse(constraints, family, seeds):
     metrics = measure_samples(constraints, family, seeds, seeds)
-    excitation = excite(constraints.body, family, seeds)
+    excitation = measure_excitation(constraints.body, family, seeds)
     assert metrics["success"] == 1
     assert metrics["condition"] == metrics["condition_valid"]
     assert metrics["condition"] == pytest.approx(np.median(excitation.eigenvalue_fitness))

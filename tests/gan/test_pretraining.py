@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from sidegan.base.arrays import flatten
-from sidegan.design.excitation import excite
+from sidegan.design.excitation import measure_excitation
 from sidegan.errors import ArtifactError
 from sidegan.gan.pretraining import Labelled, Pretraining, label, load_surrogates, scaled_margins
 from sidegan.gan.settings import Reward
@@ -56,7 +56,7 @@ def test_labels_equal_the_exact_values(constraints, family, seeds, wild):
     c = np.concatenate([seeds[:150], wild[:150]])  # more than one batch
     made = label(constraints, family, c, STEPS, lambda *_: None)
     np.testing.assert_allclose(made.valid, check(constraints, family, c).valid)
-    excitation = excite(constraints.body, family, c)
+    excitation = measure_excitation(constraints.body, family, c)
     np.testing.assert_allclose(made.spectrum, excitation.spectrum)
     np.testing.assert_allclose(made.diagonal, excitation.diagonal)
     np.testing.assert_allclose(made.margins, scaled_margins(constraints, family, c, STEPS))

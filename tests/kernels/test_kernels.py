@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sidegan.base.threads import on_threads
 from sidegan.kernels import dynamics
-from sidegan.kernels.dynamics import Limits
+from sidegan.kernels.dynamics import PenaltyLimits
 from sidegan.kernels.information import no_terms, signals_for, weighted_slopes
 from sidegan.motion import operations
 from sidegan.motion.dynamics import RigidBody, gram
@@ -37,7 +37,7 @@ def test_weighted_grams_and_sums_are_those_of_the_regressor(chain, size):
     y, torque = body.base_regressor(*states), normal(*size, body.joints)
     certainty = np.linspace(0.5, 2.0, body.joints)
     rows = (certainty[:, None] * y).reshape(len(y), -1, y.shape[-1])
-    grams = operations.gram(body.chain, body.base.columns, states, certainty)
+    grams = operations.gram_matrices(body.chain, body.base.columns, states, certainty)
     close(grams, rows.mT @ rows / size[1], 1e-13)
     rows = np.concatenate([y, torque[..., None]], 3)[0].swapaxes(0, 1)
     close(body.sums(*(x[0] for x in states), torque[0]), rows.mT @ rows, 1e-13)
@@ -52,13 +52,15 @@ def test_gradients_of_energies_agree_with_pinocchio(chain, count, sets):
     factors, weights = normal(sets), normal(sets, seed=1)
     roots = np.linspace(0.5, 2.0, joints)
     ones = np.ones(joints)
-    limits = Limits(0.0, 0.0, 0.0, 0.0, ones, ones, ones, ones, own, ones, ones)
+    limits = PenaltyLimits(0.0, 0.0, 0.0, 0.0, ones, ones, ones, ones, own, ones, ones)
     extra = no_terms(joints)._replace(roots=roots)
     q, dq, ddq = (x[0].T for x in states)
     packed = np.ascontiguousarray(np.stack([np.sin(q), np.cos(q), q, dq, ddq])[:, None])
     slope, directions = np.zeros((3, joints, count)), (np.outer(factors, own), weights)
     terms = extra, signals_for(extra, count, sets)
-    cost = weighted_slopes(body.chain, limits, packed, terms, directions, slope, dynamics.scratch(body.chain))
+    cost = weighted_slopes(
+        body.chain, limits, packed, terms, directions, slope, dynamics.dynamics_buffers(body.chain)
+    )
     assert cost == 0
     data, expected, scale = model.createData(), np.zeros((3, joints, count)), 2 * (weights @ factors**2)
     for n in range(count):

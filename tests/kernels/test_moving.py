@@ -5,7 +5,7 @@ import pytest
 
 from sidegan.kernels.cells import bend, least_height
 from sidegan.kernels.distances import near_region
-from sidegan.motion.arrays import shapes_of
+from sidegan.motion.arrays import kernel_shapes
 from sidegan.validity import Box, Convex, Plane, Sphere
 from sidegan.validity.regions import tables
 
@@ -34,7 +34,7 @@ def test_the_bound_on_deviation_from_even_motion_is_reached(inner):
 def test_an_evenly_moving_capsule_keeps_its_distance_bound(planar, name):
     """To a plane just as near: there one of the ends is the nearest point, at one of the cell's ends."""
     region, none = REGIONS[name], np.zeros((0, 2), dtype=int)
-    shapes = shapes_of(planar.capsules, none, none, tables([region]))
+    shapes = kernel_shapes(planar.capsules, none, none, tables([region]))
     random, half, radius = np.random.default_rng(0), 0.2, shapes.radius[0]
     for _ in range(60):
         ends, twist = random.normal(size=(3, len(shapes.radius), 3)), random.normal(size=(2, 3, 3))

@@ -27,7 +27,7 @@ def check(x, alone=False):
     size, count = len(x), LOW + HIGH
     x = x / max(float(np.abs(x).max()), 1e-300)
     values, vectors = np.zeros(count), np.zeros((count, size))
-    sound = eigen.extremes(x.copy(), LOW, values, vectors, *eigen.scratch(size, count))
+    sound = eigen.extreme_eigenpairs(x.copy(), LOW, values, vectors, *eigen.eigen_buffers(size, count))
     assert sound or not alone
     if sound:
         expected = np.linalg.eigvalsh(x)[[*range(LOW), *range(size - HIGH, size)]]
@@ -71,7 +71,7 @@ def test_well_separated_eigenvalues_need_no_second_pass():
 def test_the_direction_uses_the_newest_steps_of_positive_curvature(memory=3):
     """Against dense updates of BFGS, on a quadratic."""
     curvatures = np.array([1.0, 4.0, 9.0, 2.0, 3.0, 5.0])
-    state, random, kept, eye = descent.search(2, 3, memory), np.random.default_rng(0), [], np.eye(6)
+    state, random, kept, eye = descent.descent_state(2, 3, memory), np.random.default_rng(0), [], np.eye(6)
     for curvature in np.outer([*6 * [1], -1, 1, -1], curvatures):
         step = random.normal(size=6)
         state.trial[:], state.slope[:] = state.x + step, state.gradient + curvature * step

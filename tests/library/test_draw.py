@@ -6,14 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sidegan.design.excitation import excite
+from sidegan.design.excitation import measure_excitation
 from sidegan.design.fidelity import diversity
 from sidegan.errors import InfeasibleError
 from sidegan.library.draw import Expansion, draw_valid
-from sidegan.library.measure import RATE, likeness, measured, summary
+from sidegan.library.measure import RATE, library_of, likeness, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints, Plane, check
+from tests.refusals import refused
 
 
 @pytest.fixture(scope="module")
@@ -26,12 +27,12 @@ def pool():
 
 def test_a_measured_library_holds_margins_and_excitation(pool):
     constraints, family, c = pool
-    library = measured(*pool, "random")
+    library = library_of(*pool, "random")
     for size in (1e74, 1e76, 1e150, 1e300):  # whose powers overflow
-        absurd = measured(constraints, family, size * c[:1], "random")
+        absurd = library_of(constraints, family, size * c[:1], "random")
         assert not absurd.valid.any() and np.isinf(absurd.fitness).all()
     verdict = check(*pool)
-    excitation = excite(constraints.body, family, c, round(RATE * family.period))
+    excitation = measure_excitation(constraints.body, family, c, round(RATE * family.period))
     assert library.valid.tolist() == verdict.valid.tolist() and 0 < int(library.valid.sum()) < len(c)
     for name, margin in verdict.margins.items():
         np.testing.assert_allclose(library.margins[name], margin)
@@ -48,12 +49,12 @@ def test_a_measured_library_holds_margins_and_excitation(pool):
 
 def test_likeness_compares_equally_many_and_reports_unexciting_sets(pool):
     constraints, family, c = pool
-    seeds, library = (measured(constraints, family, x, "any") for x in (c[:60], c[60:]))
+    seeds, library = (library_of(constraints, family, x, "any") for x in (c[:60], c[60:]))
     found = likeness(library, seeds)
     assert found == likeness(library.take(range(60)), seeds)
     assert found["coverage"] > 0.8 and found["coverage_diagonal"] > 0.8 and 0.3 < found["told_apart"] < 0.7
     assert likeness(seeds, seeds)["nearest_seed"] == 0
-    still = likeness(measured(constraints, family, 0 * c[:60], "any"), seeds)
+    still = likeness(library_of(constraints, family, 0 * c[:60], "any"), seeds)
     assert still["norm"] == still["cosine"] == still["coverage_diagonal"] == 0 and still["told_apart"] > 0.9
 
 
@@ -96,16 +97,10 @@ def test_draws_are_limited_and_the_valid_share_reported(caplog):
     assert source.sizes == [6, 6, 6, 2] and draws.drawn == 20
     assert len(draws.coefficients) == draws.valid == 6
     assert steps == [(12, 40), (24, 40), (36, 40), (40, 40)]
-    assert "only 6 valid trajectories in 20 draws, expected 40: drawn from eigen" in caplog.text
+    assert all(word in caplog.text for word in ("6", "20", "40", "drawn from eigen"))
 
 
-@pytest.mark.parametrize(
-    ("every", "least", "words"),
-    [
-        (1000, 1, "0 of 60 trajectories polished are valid; of the last 20, 20 violate torque of wrist"),
-        (20, 4, "3 of 60 trajectories polished are valid; of the last 20, 19 violate"),
-    ],
-)
-def test_too_few_are_refused(every, least, words):
-    with pytest.raises(InfeasibleError, match=words):
+@pytest.mark.parametrize(("every", "least", "valid"), [(1000, 1, "0"), (20, 4, "3")])
+def test_too_few_are_refused(every, least, valid):
+    with refused(InfeasibleError, f"{valid} of 60", "polished", "torque of wrist"):
         Source(every).draw(4, 20, 60, least, "polished")

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sidegan.library.measure import measured
+from sidegan.library.measure import library_of
 from sidegan.pipeline.artifact import Build
 from sidegan.pipeline.context import EXPECTED, FACTS, LIBRARY, RESULTS, RunContext
 from sidegan.pipeline.stages.baselines import random_set, random_valid
@@ -41,7 +41,7 @@ def digests(*names: str) -> dict[str, str]:
         with tempfile.TemporaryDirectory() as folder:
             context = RunContext(tiny(f"outputs={folder}", "trajectory.period=4"), Store(Path(folder)))
             c = random_valid(context, 4, name).coefficients
-            library = measured(context.cell.constraints, context.cell.trajectory, c, name)
+            library = library_of(context.cell.constraints, context.cell.trajectory, c, name)
             source = context.artifact("random", name, partial(_save, library), {"name": name})
             context.store.produce(source)
             excitation = ExcitationSet(name, None, context.cell.trajectory, source)
@@ -86,7 +86,7 @@ def fixed(context, monkeypatch):
     """A context whose seeds and libraries are the same 24 trajectories on every machine."""
     made = context("gan=eigen", experiment="reproduction")
     c = draw(1, 24, 2, 3, 2) / np.array([1.0, 2.0, 3.0])[:, None]
-    library = measured(made.cell.constraints, made.cell.trajectory, c, "fixed")
+    library = library_of(made.cell.constraints, made.cell.trajectory, c, "fixed")
     monkeypatch.setattr(type(made), "load", lambda self, *artifacts: library)
     return made
 

@@ -16,7 +16,7 @@ from sidegan.base.arrays import flatten
 from sidegan.base.storage import read_json
 from sidegan.identification import study
 from sidegan.library import LIBRARY, Library
-from sidegan.library.measure import measured
+from sidegan.library.measure import library_of
 from sidegan.pipeline.context import REPORT, RESULTS, RunContext
 from sidegan.pipeline.stages import baselines, discussion
 from sidegan.pipeline.stages import identification as plants
@@ -52,7 +52,7 @@ def planted(context):
     strong, places = drawn(made, 6), [17, 23, 31, 40, 48, 59]
     c = 0.02 * drawn(made, 60, seed=6)
     c[places] = strong
-    pool = Planted("planted", None, (), measured(made.cell.constraints, made.cell.trajectory, c, "planted"))
+    pool = Planted("planted", None, (), library_of(made.cell.constraints, made.cell.trajectory, c, "planted"))
     return made, pool, places
 
 
@@ -103,11 +103,11 @@ def test_a_longer_search_finds_better_conditions_and_all_are_valid(context, buil
 def test_sets_are_measured_against_half_of_the_seeds(planted, build, monkeypatch):
     """Seeds, the same ones shifted, and ones that hardly move: each is told from the others."""
     made, _, _ = planted
-    seeds = measured(made.cell.constraints, made.cell.trajectory, drawn(made, 80, reach=0.4), "seeds")
+    seeds = library_of(made.cell.constraints, made.cell.trajectory, drawn(made, 80, reach=0.4), "seeds")
     monkeypatch.setattr(RunContext, "load", lambda self, *artifacts: seeds)
 
     def measures_of(name, c):
-        library = measured(made.cell.constraints, made.cell.trajectory, c, name)
+        library = library_of(made.cell.constraints, made.cell.trajectory, c, name)
         measures(made, Planted(name, None, (), library)).make(build)
         return read_json(build.folder / REPORT), pd.read_parquet(build.folder / RESULTS)
 
@@ -129,7 +129,7 @@ def executed(context, monkeypatch):
     """A context in a tight workspace, and a set of valid motions that a model is to be identified from."""
     made = context(*TIGHT)
     c = random_valid(made, 6, "learned").coefficients
-    library = measured(made.cell.constraints, made.cell.trajectory, c, "planted")
+    library = library_of(made.cell.constraints, made.cell.trajectory, c, "planted")
     monkeypatch.setattr(RunContext, "load", lambda self, *artifacts: library)
     return made, ExcitationSet("planted", None, made.cell.trajectory, random_set(made)), c
 

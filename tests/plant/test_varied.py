@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sidegan.errors import InfeasibleError, ShapeError
-from sidegan.kernels.friction import friction
+from sidegan.kernels.friction import friction_torque
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import mujoco_model
@@ -80,7 +80,7 @@ def test_an_ideal_link_sensor_measures_the_torque_on_the_true_links(name):
     rubbing = plant(arm, replace(PLAIN, bearings=(0.003, 0.013)))
     *states, _, load = simulated(rubbing, motion)
     lost = load - inverse(made.true, *states)
-    expected = friction(*states[:2], np.zeros(1), rubbing.bearings, slice(None))
+    expected = friction_torque(*states[:2], np.zeros(1), rubbing.bearings, slice(None))
     np.testing.assert_allclose(lost, expected, rtol=0, atol=1e-5)
     assert np.median(np.abs(lost), (0, 1)) == pytest.approx(rubbing.bearings.coulomb, rel=0.9)
 
@@ -121,7 +121,7 @@ def test_servos_and_friction_follow_their_laws(planar, motion):
     made = plant(planar, USUAL)
     q, dq, acceleration, motor, load = simulated(made, motion)
     lost = motor - load - made.rotor * acceleration
-    expected = friction(q[:, 1:], dq[:, 1:], load[:, :-1], made.law, slice(None))
+    expected = friction_torque(q[:, 1:], dq[:, 1:], load[:, :-1], made.law, slice(None))
     np.testing.assert_allclose(lost[:, 1:], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
     wanted, speed = motion.position[:, 1:-1], motion.velocity[:, 1:-1]
     stiffness, damping = made.gains

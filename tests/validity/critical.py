@@ -7,7 +7,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array, split
 from sidegan.kernels.chain import Chain, Shapes
-from sidegan.motion.arrays import chain_of, shapes_of
+from sidegan.motion.arrays import chain_of, kernel_shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules, load_robot
@@ -41,7 +41,7 @@ def segments_as_capsules(
     ends = [np.concatenate([*x], 1).T for x in (a, b)]
     none = np.zeros(len(ends[0]))
     capsules = Capsules(none.astype(int) - 1, *ends, none, ("",) * len(none))
-    return chain_of(load_robot("planar2")), shapes_of(capsules, pairs, guarded, tables(regions))
+    return chain_of(load_robot("planar2")), kernel_shapes(capsules, pairs, guarded, tables(regions))
 
 
 def capsule_axes(arm: Arm, q: Array) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from sidegan.design.search import search
 from sidegan.errors import InfeasibleError
 from sidegan.library import LIBRARY
 from sidegan.library.draw import Draws, Expansion, draw_valid
-from sidegan.library.measure import measured, summary
+from sidegan.library.measure import library_of, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
@@ -68,7 +68,7 @@ def prediction(run: RunContext, noise: TorqueNoise, family: Trajectory | None = 
 
 
 def _save(run: RunContext, build: Build, c: Array, name: str, **facts: float) -> None:
-    library = measured(run.cell.constraints, run.cell.trajectory, c, name)
+    library = library_of(run.cell.constraints, run.cell.trajectory, c, name)
     library.save(build.folder / LIBRARY)
     write_json(build.folder / REPORT, {**summary(library), **facts})
 
@@ -144,7 +144,7 @@ def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
     method = Gradient(settings.steps, attempts=1, reserve=run.cfg.seeds.reserve or 0.0)
     random, workers = run.random(f"long {harmonics}"), run.cfg.parallel.workers
     made = make_long(problem, method, settings.starts, random, workers)
-    library = measured(run.cell.constraints, family, made.coefficients, f"long-{harmonics}")
+    library = library_of(run.cell.constraints, family, made.coefficients, f"long-{harmonics}")
     library.save(build.folder / LIBRARY)
     build.costs["cpu_seconds"] = made.cpu_seconds
     report = {"condition": float(library.fitness[0]), "starts": made.attempts, "evaluations": settings.steps}

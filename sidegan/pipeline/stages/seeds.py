@@ -11,7 +11,7 @@ from sidegan.base.extras import require
 from sidegan.base.storage import write_arrays, write_json
 from sidegan.errors import InfeasibleError
 from sidegan.library import LIBRARY
-from sidegan.library.measure import measured, summary
+from sidegan.library.measure import library_of, summary
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import REPORT, RunContext, report_and_history
 from sidegan.pipeline.stages import Stage
@@ -44,7 +44,7 @@ def origin(run: RunContext) -> dict[str, Any]:
 def _read(run: RunContext, build: Build) -> None:
     """Save the valid ones among published seeds."""
     published = run.cfg.seeds.published.read(run.cell.trajectory)[: run.cfg.seeds.count]
-    seeds = measured(run.cell.constraints, run.cell.trajectory, published, run.cfg.seeds.method)
+    seeds = library_of(run.cell.constraints, run.cell.trajectory, published, run.cfg.seeds.method)
     valid = seeds.take(np.flatnonzero(seeds.valid))
     faults = run.cell.check(published[~seeds.valid]).faults()
     found = f"{len(valid)} of {len(seeds)} seeds in {run.cfg.seeds.folder} are valid"
@@ -92,7 +92,7 @@ def make(run: RunContext, build: Build) -> None:
         batch = optimised(run.cell, settings, run.cfg.seed, build.work, run.cfg.parallel.workers)
     else:
         _log.info("the first %d seeds of %s, made by these settings before", len(batch), settings.shipped)
-    library = measured(run.cell.constraints, run.cell.trajectory, batch.coefficients, settings.method)
+    library = library_of(run.cell.constraints, run.cell.trajectory, batch.coefficients, settings.method)
     library.save(build.folder / LIBRARY)
     build.costs["cpu_seconds"] = batch.cpu_seconds
     attempts = {"attempts": batch.attempts, "failed": batch.failed, "faults": batch.faults}

@@ -10,7 +10,7 @@ from sidegan.base.storage import write_json
 from sidegan.design.selection import choose
 from sidegan.library import LIBRARY, Library
 from sidegan.library.draw import draw_valid
-from sidegan.library.measure import measured, summary
+from sidegan.library.measure import library_of, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
@@ -37,7 +37,7 @@ def _draw(run: RunContext, build: Build, name: str, training: int) -> None:
     network = load_generator(run, generator(run, name, training))
     sample = network.stream(run.number(f"library {name}", training))
     draws = draw_valid(sample, run.cell.check, settings, f"drawn from {name}", build.report)
-    made = measured(run.cell.constraints, run.cell.trajectory, draws.coefficients, name)
+    made = library_of(run.cell.constraints, run.cell.trajectory, draws.coefficients, name)
     made.save(build.folder / LIBRARY)
     facts = summary(made) if len(made) else {"count": 0}
     facts = {key: x for key, x in facts.items() if key != "valid"}
