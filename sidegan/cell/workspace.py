@@ -90,7 +90,7 @@ class Region:
         return [shape for field in fields(self) if (shape := getattr(self, field.name)) is not None]
 
     @property
-    def shape(self) -> validity.Region:
+    def shape(self) -> validity.Obstacle:
         """The region as the check takes it."""
         (shape,) = self._given
         return shape.shape if isinstance(shape, Cylinder | Mesh) else shape
@@ -137,7 +137,7 @@ class Workspace:
         """Whether an upward plane among the configured regions replaces the floor."""
         return any(region.plane is not None and _is_floor(region.plane) for region in self.regions or [])
 
-    def shapes(self, arm: Arm) -> list[validity.Region]:
+    def shapes(self, arm: Arm) -> list[validity.Obstacle]:
         """Regions as the check takes them; ConfigError for an unreadable file."""
         return [region.shape for region in self.given(arm)]
 

@@ -14,7 +14,7 @@ from sidegan.robot.description import Description
 from sidegan.robot.fitting import hull_of
 from sidegan.robot.meshes import cache_folder
 from sidegan.robot.model import pinocchio_errors
-from sidegan.robot.shapes import Shape, is_mesh, shapes_of
+from sidegan.robot.shapes import Shape, is_mesh, link_shapes
 
 _LARGE, _LARGE_BASE, _AT_LEAST = 5.0, 50.0, 3.0  # arm lengths, and [m], above which shapes are too large
 _SMALL = 0.002  # arm lengths below which a mesh is too small
@@ -34,7 +34,7 @@ def collision_shapes(
     with pinocchio_errors(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
     _refuse_other_orders(model, geometry, description, length)
-    shapes = shapes_of(geometry, model)
+    shapes = link_shapes(geometry, model)
     if not any(shape.digest for shape in shapes):
         return shapes, {}
     from joblib import Memory
@@ -48,7 +48,7 @@ def collision_shapes(
     for level in (1, 2, 3):
         if often:
             finer = hollow | {link: level for pair in often for link in pair}
-            tried = shapes_of(geometry, model, finer)
+            tried = link_shapes(geometry, model, finer)
             left = refused(known=(known, finer), shapes=tried, **scene)
             if sum(left.values()) < sum(often.values()):
                 hollow, shapes, often = finer, tried, left

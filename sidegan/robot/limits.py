@@ -13,7 +13,7 @@ from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
 from sidegan.robot.joint_limits import with_file
 from sidegan.robot.setup import Limits, override
-from sidegan.robot.tree import Joint, Tree, meant
+from sidegan.robot.tree import UrdfJoint, Tree, similar_names
 from sidegan.robot.units import LIMITS, TURN, made_up
 
 _EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # suggested ranges [rad or m]
@@ -40,7 +40,7 @@ class JointLimits:
 
 
 def limits_of(
-    tree: Tree, moving: tuple[Joint, ...], given: Limits, home: dict[str, float], planning: bool = True
+    tree: Tree, moving: tuple[UrdfJoint, ...], given: Limits, home: dict[str, float], planning: bool = True
 ) -> tuple[dict[str, JointLimits], list[str]]:
     """Limits of the moving joints, by name, and notes on what was assumed.
 
@@ -113,7 +113,7 @@ def _stated(tree: Tree, given: Limits) -> dict[str, dict[str, Any]]:
         for name in values:
             if name not in tree.joints:
                 raise RobotError(
-                    f"{tree.where} has no joint {name!r} of robot.limits.{kind}{meant(name, tree.joints)}"
+                    f"{tree.where} has no joint {name!r} of robot.limits.{kind}{similar_names(name, tree.joints)}"
                 )
     for name, (lower, upper) in stated["position"].items():
         if not lower < upper:
@@ -133,7 +133,7 @@ class _Described:
         self.narrowed: dict[str, tuple[_Span, str]] = {}  # full ranges, and soft limits in words
         self.useless: list[str] = []  # joints whose soft limits leave no range
 
-    def position(self, joint: Joint) -> _Span:
+    def position(self, joint: UrdfJoint) -> _Span:
         """Lower and upper limit [rad or m]; half a turn to each side of home for continuous joints."""
         if joint.kind == "continuous":
             middle = self.home.get(joint.name, 0.0)
@@ -149,7 +149,7 @@ class _Described:
         example = (upper, lower) if lower > upper else _EXAMPLE[joint.kind]
         return self._example("position", joint, example, why)
 
-    def velocity(self, joint: Joint) -> float:
+    def velocity(self, joint: UrdfJoint) -> float:
         """Velocity limit [rad/s or m/s]."""
         velocity = self._number(joint, "velocity")
         if velocity > 0:
@@ -157,7 +157,7 @@ class _Described:
         has = f"velocity limit {joint.part('limit').get('velocity')}, expected more than 0"
         return self._example("velocity", joint, _EXAMPLE_SPEED.get(joint.kind, 1.0), has)
 
-    def effort(self, joint: Joint) -> float:
+    def effort(self, joint: UrdfJoint) -> float:
         """Torque or force limit [N·m or N]; infinite if none is stated."""
         if motor := joint.part("limit").get("not_read"):
             self._example("effort", joint, "…", f"a torque limit that is not read: {motor}")
@@ -168,13 +168,13 @@ class _Described:
         why = f"effort limit {effort:g}, expected more than 0 or none"
         return self._example("effort", joint, -effort, why)
 
-    def derivative(self, joint: Joint, kind: str) -> float:
+    def derivative(self, joint: UrdfJoint, kind: str) -> float:
         """Acceleration or jerk limit [rad or m, per s² or s³]; infinite if no positive one is stated."""
         keys = [key for key in joint.part("limit").attrib if key.rpartition("}")[2] in _DERIVATIVES[kind]]
         values = [self._number(joint, key) for key in keys]
         return min((value for value in values if value > 0), default=math.inf)
 
-    def _softened(self, joint: Joint, span: _Span) -> _Span:
+    def _softened(self, joint: UrdfJoint, span: _Span) -> _Span:
         """A range narrowed by a joint's soft limits, if it has any; a missing end is 0."""
         safety = joint.part("safety_controller")
         at = self.tree.at(joint)
@@ -190,18 +190,18 @@ class _Described:
         self.narrowed[joint.name] = span, f"{joint.name} {lower:.4g} to {upper:.4g} {unit}"
         return lower, upper
 
-    def _number(self, joint: Joint, key: str) -> float:
+    def _number(self, joint: UrdfJoint, key: str) -> float:
         """A number of a joint's <limit>; 0 if it is missing."""
         return xml.number(joint.part("limit"), key, self.tree.at(joint), "0")
 
-    def _example(self, kind: str, joint: Joint, value: _Value, has: str) -> _Value:
+    def _example(self, kind: str, joint: UrdfJoint, value: _Value, has: str) -> _Value:
         self.missing.append(f"{self.tree.at(joint)} has {has}")
         self.examples.setdefault(kind, {})[joint.name] = value
         return value
 
 
 def _in_other_units(
-    moving: tuple[Joint, ...], found: dict[str, JointLimits], stated: dict[str, dict[str, Any]]
+    moving: tuple[UrdfJoint, ...], found: dict[str, JointLimits], stated: dict[str, dict[str, Any]]
 ) -> str:
     """Questions on limits that no arm has, with settings that state them; converts the limits.
 
@@ -234,7 +234,7 @@ def _in_other_units(
     return " ".join(said)
 
 
-def _described(joint: Joint, kind: str, given: dict[str, Any]) -> bool:
+def _described(joint: UrdfJoint, kind: str, given: dict[str, Any]) -> bool:
     """Whether a joint's limit is the description's, or may be in degrees as the description's is not."""
     own = max(abs(xml.plain(joint.part("limit").get(key))) for key in ("lower", "upper"))
     if kind == "position":
@@ -242,7 +242,7 @@ def _described(joint: Joint, kind: str, given: dict[str, Any]) -> bool:
     return joint.name not in given
 
 
-def _wider(joint: Joint, limits: JointLimits) -> list[str]:
+def _wider(joint: UrdfJoint, limits: JointLimits) -> list[str]:
     """Limits wider than the description's, in words with both numbers."""
     length, force = ("m", "N") if joint.kind == "prismatic" else ("rad", "N·m")
     units = {"velocity": f"{length}/s", "effort": force}
@@ -257,7 +257,9 @@ def _wider(joint: Joint, limits: JointLimits) -> list[str]:
     return wider
 
 
-def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: dict[str, _Span]) -> list[str]:
+def _assumed(
+    found: dict[str, JointLimits], moving: tuple[UrdfJoint, ...], stated: dict[str, _Span]
+) -> list[str]:
     """Notes on assumed ranges and unlimited torques."""
     notes = []
     endless = [joint.name for joint in moving if joint.kind == "continuous" and joint.name not in stated]
@@ -273,7 +275,7 @@ def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: d
     return notes
 
 
-def _write(joint: Joint, limits: JointLimits) -> None:
+def _write(joint: UrdfJoint, limits: JointLimits) -> None:
     """Write limits into a joint's XML, where Pinocchio's parser requires them."""
     element = joint.element
     limit = element.find("limit")

@@ -16,10 +16,10 @@ from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of, length_of
 from sidegan.robot.collision import collision_shapes
 from sidegan.robot.description import Description, read_description
-from sidegan.robot.model import build, kinematics_and_inertias
+from sidegan.robot.model import pinocchio_model, kinematics_and_inertias
 from sidegan.robot.setup import PLAIN, Setup, allowed
 from sidegan.robot.shapes import VERSION, capsules_of
-from sidegan.robot.units import LONGEST
+from sidegan.robot.units import LONGEST_ARM
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {
@@ -69,10 +69,10 @@ def load_robot(
     if args:
         setup = replace(setup, args={**args, **(setup.args or {})})
     description = read_description(path, setup, home, planning)
-    model = build(description)
+    model = pinocchio_model(description)
     chain = kinematics_and_inertias(model, setup.tip)
     length = float(np.linalg.norm([*chain["translation"][1:], chain["tip"]], axis=1).sum())
-    if length > LONGEST:
+    if length > LONGEST_ARM:
         raise RobotError(f"{path}: the links are {length:.4g} m long together: are these millimetres?")
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)

@@ -12,7 +12,7 @@ from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import Arm, FilePlane
 from sidegan.robot.setup import Mount, setting
-from sidegan.robot.tree import TURNING, Joint
+from sidegan.robot.tree import TURNING, UrdfJoint
 from sidegan.robot.units import meant_in_degrees
 
 GRAVITY = 9.81  # [m/s²]
@@ -23,7 +23,7 @@ _STRAIGHT = 0.05  # [rad] within which a direction is taken for an axis
 _ROUNDING = 1e-9
 
 
-def unit_axis(joint: Joint, at: str) -> Array:
+def unit_axis(joint: UrdfJoint, at: str) -> Array:
     """Unit vector along a joint's axis, (3,)."""
     axis = xml.vector(joint.element.find("axis"), "xyz", at, "1 0 0")
     length = math.hypot(*axis)
@@ -33,7 +33,7 @@ def unit_axis(joint: Joint, at: str) -> Array:
     return np.array(axis) / length
 
 
-def lock(joint: Joint, value: float, at: str) -> None:
+def lock(joint: UrdfJoint, value: float, at: str) -> None:
     """Make a joint fixed at a position [rad or m], or at its origin if it is planar or floating."""
     element = joint.element
     if value and joint.kind in (*TURNING, "prismatic"):
@@ -93,7 +93,7 @@ def hang(root: ET.Element, base: str, mount: Mount) -> None:
     ET.SubElement(joint, "origin", xyz="0 0 0", rpy=xml.words(mount))
 
 
-def turned(planes: Sequence[FilePlane], mount: Mount) -> tuple[FilePlane, ...]:
+def rotate_planes(planes: Sequence[FilePlane], mount: Mount) -> tuple[FilePlane, ...]:
     """Planes transformed from the base's frame to the world, for a mount [rad]."""
     turn = from_rpy(mount)
     return tuple((*(turn @ np.array(normal)).tolist(), offset) for *normal, offset in planes)
@@ -117,7 +117,7 @@ def straightened(vector: Array) -> Array:
     return along if float(np.abs(vector)[k]) > math.cos(_STRAIGHT) * float(np.linalg.norm(vector)) else vector
 
 
-def direction(vector: Array) -> str:
+def describe_direction(vector: Array) -> str:
     """Direction of a vector (3,), for people: an axis, or a unit vector."""
     if int((vector != 0).sum()) == 1:
         k = int(np.abs(vector).argmax())

@@ -23,7 +23,7 @@ REFUSED = {  # joint types that an arm cannot have, and why
 
 
 @dataclass(frozen=True)
-class Joint:
+class UrdfJoint:
     """A joint of a description."""
 
     name: str
@@ -50,11 +50,11 @@ class Tree:
 
     where: str  # the description, for messages
     root: str  # the base link
-    joints: dict[str, Joint]
+    joints: dict[str, UrdfJoint]
     extras: tuple[ET.Element, ...] = ()  # neither links nor joints
 
     @cached_property
-    def above(self) -> dict[str, Joint]:
+    def above(self) -> dict[str, UrdfJoint]:
         """The parent joint of each link but the root."""
         return {joint.child: joint for joint in self.joints.values()}
 
@@ -63,9 +63,9 @@ class Tree:
         """All links, the root first."""
         return [self.root, *self.above]
 
-    def path(self, link: str) -> list[Joint]:
+    def path(self, link: str) -> list[UrdfJoint]:
         """The joints from the root to a link."""
-        found: list[Joint] = []
+        found: list[UrdfJoint] = []
         while link in self.above and len(found) <= len(self.joints):  # stops in a loop
             found.append(self.above[link])
             link = found[-1].parent
@@ -105,11 +105,11 @@ class Tree:
                 found.add((link, before[-1]))
         return frozenset(found)
 
-    def at(self, joint: Joint) -> str:
+    def at(self, joint: UrdfJoint) -> str:
         """Location of a joint, for messages."""
         return f"{self.where}: joint {joint.name!r}"
 
-    def span(self, joint: Joint) -> tuple[float, float] | None:
+    def span(self, joint: UrdfJoint) -> tuple[float, float] | None:
         """A joint's stated range [rad or m], with 0 for a missing end; None if it has none."""
         limit = joint.part("limit")
         if joint.kind == "continuous" or not {"lower", "upper"} & set(limit.attrib):
@@ -120,10 +120,10 @@ class Tree:
     def require_link(self, name: str, setting: str = "") -> None:
         """Raise unless there is a link with this name."""
         if name not in self.links:
-            raise RobotError(f"{self.where} has no link {name!r}{meant(name, self.links, setting)}")
+            raise RobotError(f"{self.where} has no link {name!r}{similar_names(name, self.links, setting)}")
 
 
-def meant(name: str, known: Iterable[str], setting: str = "") -> str:
+def similar_names(name: str, known: Iterable[str], setting: str = "") -> str:
     """Known names similar to an unknown one, for a message."""
     names = list(known)
     close = difflib.get_close_matches(name, names, 3, 0.5) or names[-3:]
@@ -139,7 +139,7 @@ def read_tree(root: ET.Element, where: str) -> Tree:
         name, count = Counter(given).most_common(1)[0] if given else ("", 0)
         if count > 1:
             raise RobotError(f"{where} has {count} {kind}s named {name!r}, expected unique names")
-    joints: dict[str, Joint] = {}
+    joints: dict[str, UrdfJoint] = {}
     children: set[str] = set()
     gears = reductions_of(root)
     for element, name in zip(root.findall("joint"), names["joint"]):
@@ -168,7 +168,7 @@ def _tag(element: ET.Element) -> str:
     return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
 
 
-def _joint(element: ET.Element, name: str, at: str, reduction: float) -> Joint:
+def _joint(element: ET.Element, name: str, at: str, reduction: float) -> UrdfJoint:
     """A joint of a known kind, with two links and a valid placement."""
     parent, child = (xml.attribute(xml.child(element, e, at), "link", at) for e in ("parent", "child"))
     kind = element.get("type", "")
@@ -176,4 +176,4 @@ def _joint(element: ET.Element, name: str, at: str, reduction: float) -> Joint:
         raise RobotError(f"{at} is of type {kind!r}, expected revolute, prismatic, continuous or fixed")
     for key in ("xyz", "rpy"):
         xml.vector(element.find("origin"), key, at, "0 0 0")
-    return Joint(name, kind, parent, child, element, reduction)
+    return UrdfJoint(name, kind, parent, child, element, reduction)

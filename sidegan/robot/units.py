@@ -18,7 +18,7 @@ LIMITS = {
     "velocity": ((60.0, "degrees per second", math.pi / 180), (10.0, "millimetres per second", 1e-3)),
     "effort": ((1e6, "mN·m", 1e-3), (1e7, "mN", 1e-3)),  # excavators have a half
 }
-LONGEST = 100.0  # [m] of all links together, beyond which they must be in millimetres
+LONGEST_ARM = 100.0  # [m] of all links together, beyond which they must be in millimetres
 TIP, JOINT = 12.0, 15.0  # [m/s] of the tip at half of the joints' limits, if these are above that [rad/s]
 HEAVY, DENSE = 50.0, 1000.0  # [kg] of an arm, and [kg/m³] over its reach cubed: known arms have up to 540
 FAR, REACHES = 6.0, 3.0  # [m] and in reaches: an impossible radius of gyration

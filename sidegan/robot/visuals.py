@@ -17,7 +17,7 @@ from sidegan.robot.arm import Arm, length_of
 from sidegan.robot.collision import of_another_order
 from sidegan.robot.description import read_description
 from sidegan.robot.meshes import find_mesh, metres_per_unit
-from sidegan.robot.model import build
+from sidegan.robot.model import pinocchio_model
 from sidegan.robot.placement import from_rpy
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
@@ -31,7 +31,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 _FLAT = 1e-3  # [m] from z = 0 within which points belong to a foot
 
 
-class Part(NamedTuple):
+class Surface(NamedTuple):
     """A surface that moves with a joint."""
 
     link: int  # joint in whose frame it lies, 0..J-1; -1 is the base
@@ -39,7 +39,7 @@ class Part(NamedTuple):
     faces: NDArray[np.int64]  # (F, 3)
 
 
-def visual_parts(arm: Arm) -> list[Part]:
+def visual_parts(arm: Arm) -> list[Surface]:
     """Visual shapes of an arm's links, or else collision shapes.
 
     Unreadable shapes are left out, since pictures are no reason to fail; all if the description is missing.
@@ -117,7 +117,7 @@ def _links(arm: Arm) -> Iterator[tuple[ET.Element, pin.Frame]]:
     """The description's links and their frames; none if the file is missing."""
     try:
         description = read_description(arm.urdf, arm.setup, planning=False)
-        model = build(description)
+        model = pinocchio_model(description)
         root = read_source(arm.urdf, arm.setup.args).root
     except RobotError as error:
         _log.warning("%s is shown with its collision shapes only: %s", arm.name, error)
@@ -128,7 +128,7 @@ def _links(arm: Arm) -> Iterator[tuple[ET.Element, pin.Frame]]:
             yield link, model.frames[index]
 
 
-def _part(arm: Arm, visual: ET.Element, link: pin.Frame) -> Part:
+def _part(arm: Arm, visual: ET.Element, link: pin.Frame) -> Surface:
     """Surface of a shape in its joint's frame; shapes far too large or small for the arm are refused."""
     origin = visual.find("origin")
     shift = np.array(xml.vector(origin, "xyz", "a shape", "0 0 0"))
@@ -140,7 +140,9 @@ def _part(arm: Arm, visual: ET.Element, link: pin.Frame) -> Part:
     moves = bool(link.parentJoint)
     if why := of_another_order(size, length_of(vars(arm)), moves, shape.tag == "mesh"):
         raise RobotError(f"a shape is {why}")
-    return Part(link.parentJoint - 1, points @ turn.T + link.placement.act(shift), np.asarray(surface.faces))
+    return Surface(
+        link.parentJoint - 1, points @ turn.T + link.placement.act(shift), np.asarray(surface.faces)
+    )
 
 
 def _surface(shape: ET.Element, urdf: Path) -> "trimesh.Trimesh":

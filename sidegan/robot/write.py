@@ -16,7 +16,7 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
-from sidegan.robot.model import build, kinematics_and_inertias
+from sidegan.robot.model import pinocchio_model, kinematics_and_inertias
 from sidegan.robot.placement import from_rpy
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
@@ -78,7 +78,7 @@ def torque_of_urdf(path: Path, arm: Arm, q: Array, dq: Array, ddq: Array) -> Arr
     Friction changes its sign with the velocity at once, as the format means it.
     """
     setup = replace(arm.setup, args=None, mount=arm.mount, friction=True)
-    model = build(description := read_description(path, setup, planning=False))
+    model = pinocchio_model(description := read_description(path, setup, planning=False))
     model.gravity.linear = arm.gravity  # which no URDF states
     data = model.createData()
     rigid = np.array([pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq)])
@@ -151,7 +151,7 @@ def _inertial(parameters: Array) -> ET.Element:
 def _check(arm: Arm, parameters: Array, file: Path) -> None:
     """Raise unless the file reads as the same arm with these parameters."""
     setup = replace(arm.setup, args=None, mount=arm.mount)
-    model = build(read_description(file, setup, planning=False))
+    model = pinocchio_model(read_description(file, setup, planning=False))
     chain = kinematics_and_inertias(model, setup.tip)
     del chain["gravity"]  # no URDF states it
     for name, value in chain.items():

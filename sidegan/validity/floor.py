@@ -11,8 +11,8 @@ from sidegan.motion.arrays import chain_of, shapes_of
 from sidegan.robot import Arm, Capsules
 from sidegan.robot.placement import stands
 from sidegan.robot.visuals import foot, like_the_arm
-from sidegan.validity.capsules import clearances
-from sidegan.validity.pairs import sampled
+from sidegan.validity.capsules import capsule_clearances
+from sidegan.validity.pairs import random_configurations
 from sidegan.validity.regions import Plane, tables
 
 _STANDS = 0.02  # least share of random configurations above the floor of an arm that stands on it
@@ -92,6 +92,6 @@ def _leaves(arm: Arm, plane: Plane) -> bool:
     moving = np.flatnonzero(arm.capsules.link >= 0)
     guarded = np.stack([np.zeros_like(moving), moving], 1)
     shapes = shapes_of(arm.capsules, guarded[:0], guarded, tables([plane]))
-    clear = clearances(chain_of(arm), shapes, sampled(arm))[1] > 0  # (N, K)
+    clear = capsule_clearances(chain_of(arm), shapes, random_configurations(arm))[1] > 0  # (N, K)
     clear = clear[:, clear.any(0)]
     return clear.size > 0 and float(clear.all(1).mean()) >= _STANDS

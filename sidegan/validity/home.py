@@ -10,7 +10,7 @@ from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity.constraints import Constraints
-from sidegan.validity.pairs import sampled
+from sidegan.validity.pairs import random_configurations
 from sidegan.validity.remedies import remedy
 
 _SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)  # of the ranges around their centre, tried in turn
@@ -98,7 +98,7 @@ def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
         raise ShapeError(f"home position {list(home)} must be {arm.joints} finite joint positions")
     refuse_degrees(arm, home or (), "trajectory.home")
     rows = [] if home is None else [list(home)]
-    q = np.concatenate([np.array(rows, float).reshape(-1, arm.joints), sampled(arm, _TRIED)])
+    q = np.concatenate([np.array(rows, float).reshape(-1, arm.joints), random_configurations(arm, _TRIED)])
     still = np.zeros_like(q)
     held = np.all(np.abs(RigidBody(arm).torque(q, still, still)) <= _CAREFUL * arm.torque_limit, 1)
     there, around = held[: len(rows)], held[len(rows) :]

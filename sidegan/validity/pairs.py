@@ -15,7 +15,7 @@ from sidegan.robot.setup import allowed
 from sidegan.validity.capsules import (
     bodies_of,
     capsule_distances,
-    clearances,
+    capsule_clearances,
     never_touching,
     piece_distances,
     shapes_alone,
@@ -23,7 +23,7 @@ from sidegan.validity.capsules import (
 
 _FAR = 0.2  # arm lengths; shapes of neighbours come closer
 _TRIED = 200  # configurations in which that is tested
-SAMPLES = 4_000  # random configurations in which capsules are tested
+CONFIGURATIONS = 4_000  # random configurations in which capsules are tested
 _INSIDE = 1_000  # of these, in which the pieces inside capsules are tested
 _FEW = 3  # up to so many pairs, all may always touch, as in a short arm
 _SHOWN, _NEAR = 6, 4  # pairs of links named in messages
@@ -70,10 +70,10 @@ def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
     )
 
 
-def sampled(arm: Arm, count: int = SAMPLES) -> Array:
+def random_configurations(arm: Arm, count: int = CONFIGURATIONS) -> Array:
     """Random configurations [rad or m], (count, J); deterministic."""
     random = np.random.default_rng(0)
-    return random.uniform(arm.position_lower, arm.position_upper, (SAMPLES, arm.joints))[:count]
+    return random.uniform(arm.position_lower, arm.position_upper, (CONFIGURATIONS, arm.joints))[:count]
 
 
 def describe_displaced_shapes(arm: Arm) -> str:
@@ -82,7 +82,7 @@ def describe_displaced_shapes(arm: Arm) -> str:
     parents = {links_of(*pair) for pair in arm.parents or ()}
     gaps: dict[Links, float] = {}
     pairs = np.argwhere(np.tri(len(link), k=-1).T)
-    least = capsule_distances(arm, sampled(arm, _TRIED), pairs).min(0)
+    least = capsule_distances(arm, random_configurations(arm, _TRIED), pairs).min(0)
     for (i, j), gap in zip(pairs.tolist(), least.tolist()):
         links = links_of(owners[i], owners[j])
         if links in parents and abs(link[i] - link[j]) <= 1 and max(link[i], link[j]) >= 0:
@@ -165,10 +165,10 @@ class _Touching:
         # exempted by the user or the description, with the source; and those to check
         self.named = {links: exempt[links] for links in rest if links in exempt}
         self.open = [links for links in rest if links not in exempt]
-        self.q = sampled(arm)
+        self.q = random_configurations(arm)
         self.bodies = bodies_of(arm, shapes_alone(arm, self.pairs))
         # distances [m] of pairs of capsules, (P, 4000)
-        self.capsules = clearances(self.bodies.chain, self.bodies.shapes, self.q)[0].T
+        self.capsules = capsule_clearances(self.bodies.chain, self.bodies.shapes, self.q)[0].T
 
     def nearest(self, links: Links, need: float = math.inf) -> Array:
         """Distances [m] of two links in the first configurations, (1000,), exact below ``need``.
@@ -203,11 +203,11 @@ def _refuse(arm: Arm, touching: _Touching, tight: frozenset[Links]) -> None:
     if len(stuck) == len(touching.open) > _FEW:
         raise InfeasibleError(
             f"all {len(stuck)} pairs of non-adjacent links of {arm.name} touch in every one of "
-            f"{SAMPLES:,} random configurations, so none can be checked: are the shapes in metres?"
+            f"{CONFIGURATIONS:,} random configurations, so none can be checked: are the shapes in metres?"
         )
     names = listed([" and ".join(pair) for pair in stuck], _SHOWN)
     raise InfeasibleError(
-        f"links of {arm.name} that touch in every one of {SAMPLES:,} random configurations: {names}; correct "
+        f"links of {arm.name} that touch in every one of {CONFIGURATIONS:,} random configurations: {names}; correct "
         "their shapes or, if contact is expected, leave these pairs unchecked by "
         f"{allowed(stuck, arm.setup.may_touch)}"
     )

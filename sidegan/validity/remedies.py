@@ -17,7 +17,7 @@ from sidegan.robot.sources import read_source
 from sidegan.robot.units import reductions_of
 from sidegan.validity.check import check
 from sidegan.validity.constraints import Constraints
-from sidegan.validity.pairs import sampled
+from sidegan.validity.pairs import random_configurations
 
 _LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # factors on trajectories, tried until some are invalid
 _GEARED = 5.0  # least ratio of a holding torque and a limit that may be the motor's
@@ -27,10 +27,10 @@ _WEAK, _UNKNOWN = 100.0, 1000.0  # [N·m] always plausible for the weakest joint
 _TRIED = 500  # configurations in which holding torques are computed
 _MOSTLY = 0.95  # share of these in which sufficient limits hold the arm
 
-Where = tuple[str, str]  # a constraint, and its joint, pair or region
+Violation = tuple[str, str]  # a constraint, and its joint, pair or region
 
 
-def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Where | None:
+def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Violation | None:
     """The constraint that most trajectories, coefficients [rad/s], (B, J, H, 2), violate first when enlarged.
 
     None if they do not violate any.
@@ -44,7 +44,7 @@ def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Where
     return None
 
 
-def remedy(constraints: Constraints, where: Where) -> str:
+def remedy(constraints: Constraints, where: Violation) -> str:
     """Settings that relax a constraint, in words for people."""
     constraint, which = where
     arm = constraints.arm
@@ -181,7 +181,7 @@ def _given(arm: Arm, kind: str) -> dict[str, Any]:
 
 def _held(arm: Arm) -> Array:
     """Absolute holding torques [N·m or N], (N, J), in random configurations."""
-    q = sampled(arm, _TRIED)
+    q = random_configurations(arm, _TRIED)
     return np.abs(RigidBody(arm).torque(q, 0 * q, 0 * q))
 
 

@@ -18,7 +18,7 @@ from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.store import Store
 from sidegan.report.export import markdown
-from sidegan.robot.chain import choose
+from sidegan.robot.chain import choose_chain
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 from sidegan.validity import Plane
@@ -49,7 +49,7 @@ def facts_of(context):
     for kind, values in arm.higher_limits.items():
         limits[kind] = dict(zip(arm.joint_names, values.tolist()))
     return Facts(
-        locked=choose(tree, arm.setup)[1],
+        locked=choose_chain(tree, arm.setup)[1],
         exempt=constraints.of_links.exempt,
         floor=floors[0] if floors else -np.inf,
         standing=[name.rpartition(" in region ")[0] for name in constraints.never_out],

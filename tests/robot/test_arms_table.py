@@ -17,7 +17,7 @@ from sidegan.pipeline.compose import composed
 from sidegan.report.export import markdown
 from sidegan.robot import Setup, load_robot
 from sidegan.robot.description import Description, read_description
-from sidegan.robot.model import build
+from sidegan.robot.model import pinocchio_model
 from tests.robot.arms import ROBOTS, outcome, remedied
 from tests.robot.judge import Facts, Judge
 
@@ -136,5 +136,5 @@ def test_every_description_loads_once_the_suggested_settings_are_given():
 def read(path: Path, words: list[str]) -> Description:
     setup = composed("+experiment=excite", *words).robot.setup if words else Setup()
     description = read_description(path, setup)
-    build(description)
+    pinocchio_model(description)
     return description

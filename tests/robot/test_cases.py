@@ -30,7 +30,7 @@ from sidegan.robot.consistency import describe_other_units
 from sidegan.robot.units import reductions_of, transmissions
 from sidegan.robot.visuals import visual_parts
 from sidegan.robot.write_mjcf import mujoco_logged
-from sidegan.validity.pairs import describe_displaced_shapes, sampled
+from sidegan.validity.pairs import describe_displaced_shapes, random_configurations
 from sidegan.validity.remedies import describe_placeholder_limits, refuse_other_units
 from tests.identification.recordings import identified
 from tests.identification.test_cases import recordings
@@ -138,7 +138,7 @@ def test_joint_origins_of_links_without_shapes_stay_above_the_floor(load, shaped
     assert ("0 of 0 pairs" in said and "4 of 4 joint origins against 1 region" in said) == (shaped < 2)
     assert ("clear" in said) == (shaped > 1) == np.isfinite(constraints.nearest(np.zeros((1, 4)))[0]).all()
     model = pin.buildModelFromUrdf(str(arm.urdf))
-    q = sampled(arm, 200)
+    q = random_configurations(arm, 200)
     free = constraints.at_rest(q)["keep_out"].min(1) >= 0
     lowest = np.array([heights(model, x).min() for x in q])
     assert (lowest[free] >= 0).all() and (shaped > 1 or (free == (lowest >= 0)).all())

@@ -14,7 +14,7 @@ from sidegan.kernels import gjk as kernel
 from sidegan.robot import Setup, covering, load_robot
 from sidegan.robot.arm import digest_of
 from sidegan.robot.covering import cover
-from sidegan.robot.fitting import fit, from_segment, thinned, volume
+from sidegan.robot.fitting import fit_capsule, from_segment, simplify_hull, volume
 from sidegan.robot.meshes import VARIABLE
 from sidegan.validity import Constraints
 
@@ -123,7 +123,7 @@ def test_a_capsule_around_a_tilted_rod_is_nearly_the_smallest():
     points = random.uniform(-0.5, 0.5, (300, 1)) * axis
     beside = np.cross(axis, random.normal(size=(300, 3)))
     points = points + 0.05 * beside / np.linalg.norm(beside, axis=1, keepdims=True)
-    capsule = fit(points)
+    capsule = fit_capsule(points)
     assert from_segment(capsule[0], points).max() <= capsule[1]
     assert volume(capsule) <= 1.02 * np.pi * 0.05**2 * (4 / 3 * 0.05 + 1.0)
 
@@ -152,7 +152,7 @@ def test_a_few_meshes_of_a_link_are_covered_one_by_one():
 @given(seeds, st.integers(5, 400), st.sampled_from([1e-5, 1e-3, 1e-2]))
 def test_a_thinned_hull_states_how_far_the_dropped_points_stick_out(seed, count, tolerance):
     points = on_sphere(count, seed)
-    kept, rounding = thinned(points, tolerance)
+    kept, rounding = simplify_hull(points, tolerance)
     assert len(kept) <= count
     assert from_hull(points, kept).max() <= rounding + 1e-8
     assert rounding < 2 * tolerance + 1e-9 or len(kept) < 8

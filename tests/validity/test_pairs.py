@@ -11,7 +11,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm, Setup, changes
 from sidegan.validity import Constraints
 from sidegan.validity.capsules import capsule_distances
-from sidegan.validity.pairs import pairs_of, sampled
+from sidegan.validity.pairs import pairs_of, random_configurations
 from tests.robot.urdf import ball, collision, joint, link, more, robot
 
 
@@ -71,7 +71,9 @@ def test_pairs_disabled_by_the_description_are_exempt(load) -> None:
     ((why, share),) = pairs_of(arm).named.values()
     assert why == "Never" and 0.05 < share < 0.9
     pair = np.array([[0, 2]])
-    touching = float((capsule_distances(arm, sampled(arm, 1000), pair) <= 0).astype(float).mean())
+    touching = float(
+        (capsule_distances(arm, random_configurations(arm, 1000), pair) <= 0).astype(float).mean()
+    )
     assert share == pytest.approx(touching)
 
 
@@ -92,5 +94,5 @@ def test_hulls_decide_whether_links_always_touch(load) -> None:
     plate = collision('<box size="0.7 0.7 0.01"/>')
     text = chain(0.05).replace(ball(0.05), plate).replace('xyz="0.3 0 0"', 'xyz="0 0 0.1"')
     arm = load(text)
-    assert (capsule_distances(arm, sampled(arm), np.array([[0, 2]])) < 0).all()
+    assert (capsule_distances(arm, random_configurations(arm), np.array([[0, 2]])) < 0).all()
     Constraints(arm)
