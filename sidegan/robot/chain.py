@@ -10,7 +10,7 @@ from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import LOCKED
 from sidegan.robot.setup import Setup, override, setting
-from sidegan.robot.tree import MOVABLE, REFUSED, UrdfJoint, Tree, similar_names
+from sidegan.robot.tree import MOVABLE, REFUSED, Tree, UrdfJoint, similar_names
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
 _STILL = "its motion, the torque for it, and collisions elsewhere than where it stands are left out"
@@ -171,7 +171,9 @@ def _check_locked(tree: Tree, name: str, value: float) -> None:
     joint = tree.joints.get(name)
     if joint is None:
         movable = [other.name for other in tree.joints.values() if other.kind != "fixed"]
-        raise RobotError(f"{tree.where} has no joint {name!r} to lock (robot.locked){similar_names(name, movable)}")
+        raise RobotError(
+            f"{tree.where} has no joint {name!r} to lock (robot.locked){similar_names(name, movable)}"
+        )
     if joint.kind == "fixed":
         raise RobotError(f"{tree.at(joint)} is fixed: leave it out of robot.locked")
     lower, upper = tree.span(joint) or (0.0, 0.0)

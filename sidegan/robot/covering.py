@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.robot.fitting import (
-    Points,
     Capsule,
+    Points,
     axes,
     corners,
     extreme_points,
@@ -20,8 +20,8 @@ from sidegan.robot.fitting import (
     hull_of,
     hull_volume,
     nearly_fit,
-    split_triangles,
     simplify_hull,
+    split_triangles,
     volume,
 )
 from sidegan.robot.meshes import cache_folder

@@ -22,7 +22,7 @@ from sidegan.robot.meshes import find_mesh, has_surface, metres_per_unit
 from sidegan.robot.placement import GRAVITY, hang, lock, mount_of, rotate_planes, unit_axis
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
-from sidegan.robot.tree import UrdfJoint, Tree, read_tree
+from sidegan.robot.tree import Tree, UrdfJoint, read_tree
 from sidegan.robot.units import refuse_angles
 
 _HOMES = "home", "ready"  # names of home postures, in order of preference

@@ -13,7 +13,7 @@ from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
 from sidegan.robot.joint_limits import with_file
 from sidegan.robot.setup import Limits, override
-from sidegan.robot.tree import UrdfJoint, Tree, similar_names
+from sidegan.robot.tree import Tree, UrdfJoint, similar_names
 from sidegan.robot.units import LIMITS, TURN, made_up
 
 _EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # suggested ranges [rad or m]

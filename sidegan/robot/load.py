@@ -16,7 +16,7 @@ from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of, length_of
 from sidegan.robot.collision import collision_shapes
 from sidegan.robot.description import Description, read_description
-from sidegan.robot.model import pinocchio_model, kinematics_and_inertias
+from sidegan.robot.model import kinematics_and_inertias, pinocchio_model
 from sidegan.robot.setup import PLAIN, Setup, allowed
 from sidegan.robot.shapes import VERSION, capsules_of
 from sidegan.robot.units import LONGEST_ARM

@@ -16,7 +16,7 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
-from sidegan.robot.model import pinocchio_model, kinematics_and_inertias
+from sidegan.robot.model import kinematics_and_inertias, pinocchio_model
 from sidegan.robot.placement import from_rpy
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree

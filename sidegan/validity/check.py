@@ -11,7 +11,7 @@ from sidegan.base.arrays import Array, split
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.capsules import reaches
-from sidegan.validity.constraints import DISTANCES, CONSTRAINTS, Constraints
+from sidegan.validity.constraints import CONSTRAINTS, DISTANCES, Constraints
 
 _CELLS_AT_ONCE = 1_000_000  # in the first pass: 30 MB of indices
 _PARTS, _HALVINGS = 16, 12  # of a straight path: initially, and then down to 1.5e-5 of it

@@ -24,7 +24,7 @@ from sidegan.validity.pairs import (
     too_large,
     usual_gaps,
 )
-from sidegan.validity.regions import Plane, Obstacle, tables
+from sidegan.validity.regions import Obstacle, Plane, tables
 
 if TYPE_CHECKING:
     from sidegan.kernels.bodies import Bodies

@@ -14,8 +14,8 @@ from sidegan.robot import Arm
 from sidegan.robot.setup import allowed
 from sidegan.validity.capsules import (
     bodies_of,
-    capsule_distances,
     capsule_clearances,
+    capsule_distances,
     never_touching,
     piece_distances,
     shapes_alone,

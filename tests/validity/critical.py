@@ -12,7 +12,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules, load_robot
 from sidegan.robot.arm import Pieces
-from sidegan.validity import Box, Constraints, Convex, Plane, Obstacle, Sphere
+from sidegan.validity import Box, Constraints, Convex, Obstacle, Plane, Sphere
 from sidegan.validity.capsules import place_points
 from sidegan.validity.regions import tables
 
