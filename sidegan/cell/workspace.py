@@ -11,6 +11,7 @@ import numpy as np
 
 from sidegan import validity
 from sidegan.base.names import counted
+from sidegan.base.settings_text import FILL_IN, suggestion
 from sidegan.base.storage import file_digest
 from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.errors import ConfigError, InfeasibleError
@@ -26,8 +27,6 @@ from sidegan.validity.pairs import Links, usual_room
 Point = tuple[Number, Number, Number]
 
 _UPWARDS = 0.7  # cosine of the largest tilt of a floor
-_DROPPED = "workspace=free removes it"
-_STATED = "'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {}}}}}]'"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
 _USUALLY = (0.02, 0.01, 0.005)  # [m] default clearances: the first that leaves room applies, or else none
 _KEPT = 2 / 3  # largest share of the available distance to keep; the rest is room to move
@@ -221,16 +220,23 @@ def _is_floor(plane: Plane) -> bool:
 
 def _floor_note(arm: Arm, own: Sequence[Plane]) -> str:
     """Note on an arm's floor, and the setting that changes it; ``own`` are the description's floors."""
+    without = f"{suggestion('workspace', 'free')} removes it"
     if own:
-        return f"floor at z = {max(plane.offset for plane in own):g} m, from the description; {_DROPPED}"
+        return f"floor at z = {max(plane.offset for plane in own):g} m, from the description; {without}"
     floor = floor_under(arm)
     if floor is None and stands(arm):
         why = f"{arm.name} nearly always reaches below what it stands on, or another limb like it is lowest"
-        return f"no floor: {why}; {_STATED.format('…')} states its height"
+        return f"no floor: {why}; {_floor_setting(FILL_IN)} states its height"
     if floor is None:
         return f"no floor: {arm.name} does not stand upright; set keep-out regions by workspace.regions"
+    height = f"floor at z = {floor.offset:g} m"
     if floor_is_known(arm):
-        return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; {_DROPPED}"
+        return f"{height}, which {arm.name} stands on; {without}"
     guess = f"a guess, since no visual or mesh shows what {arm.name} stands on"
-    at = floor.offset
-    return f"floor at z = {at:g} m, {guess}: {_STATED.format(f'{at:g}')} states its height; {_DROPPED}"
+    return f"{height}, {guess}: {_floor_setting(floor.offset)} states its height; {without}"
+
+
+def _floor_setting(height: float | str) -> str:
+    """The setting for a message that states a floor's height [m]."""
+    plane = {"normal": [0, 0, 1], "offset": height}
+    return suggestion("workspace.regions", [{"plane": plane}], "g")

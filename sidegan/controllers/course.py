@@ -4,21 +4,19 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
+from sidegan.base.settings_text import FILL_IN, suggestion
+from sidegan.controllers.settings import ExportSettings
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints
 from sidegan.validity.check import require_straight
-
-if TYPE_CHECKING:
-    from sidegan.controllers.export import ExportSettings
 
 # Points per period of the highest harmonic. Quintic interpolation of position, velocity and acceleration then
 # deviates by 3e-8 of the harmonic's amplitude, (2π/20)⁶ / 46080, and linear interpolation by 1.3 %,
@@ -108,7 +106,7 @@ def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course
 
 
 def approach(
-    constraints: Constraints, start: Sequence[float], home: Sequence[float], settings: "ExportSettings"
+    constraints: Constraints, start: Sequence[float], home: Sequence[float], settings: ExportSettings
 ) -> Course:
     """A course along the straight line in joint space between two configurations [rad or m].
 
@@ -143,7 +141,8 @@ def approach(
         raise InfeasibleError(
             f"the path from controllers.start to home takes {duration:.0f} s with {use:.0%} of the limits of "
             f"{arm.joint_names[int(needed.argmax())]}, at {settings.speed:.0%} of the speed; "
-            f"controllers.longest={math.ceil(duration)} allows that, controllers.careful=… sets the share; "
+            f"{suggestion('controllers.longest', math.ceil(duration))} allows that, "
+            f"{suggestion('controllers.careful', FILL_IN)} sets the share; "
             f"or {_CLOSER}"
         )
     return _quintic(arm, ends, duration, np.linspace(0, 1, _POINTS + 1))
@@ -173,7 +172,7 @@ def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
             raise InfeasibleError(
                 f"the straight path needs too much torque at any speed and controllers.careful: "
                 f"{arm.joint_names[joint]} needs {float(used[row, joint]):.1%} of its limit just to hold the "
-                f"arm; allow more by robot.effort=…, or {_CLOSER}"
+                f"arm; allow more by {suggestion('robot.effort', FILL_IN)}, or {_CLOSER}"
             )
         moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
         moving = moving + drives.rotor_inertia * unit.acceleration

@@ -134,8 +134,9 @@ class Agreement(NamedTuple):
         found, described = (straightened(in_base(arm, g)) for g in (self.load.gravity, arm.gravity))
         mount = ",".join(f"{round(x, 3) + 0.0:.4g}" for x in mount_of(None, found.tolist()))
         return (
-            f"in these torques gravity acts along {describe_direction(found)} of the base, by the description along "
-            f"{describe_direction(described)}: is the arm mounted like that? ('robot.mount=[{mount}]')"
+            f"in these torques gravity acts along {describe_direction(found)} of the base, by the "
+            f"description along {describe_direction(described)}: is the arm mounted like that? "
+            f"('robot.mount=[{mount}]')"
         )
 
     @property

@@ -6,10 +6,11 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 from sidegan.base.names import listed
+from sidegan.base.settings_text import setting_name, suggest_by_joint, suggestion
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import LOCKED
-from sidegan.robot.setup import Setup, override, setting
+from sidegan.robot.setup import Setup
 from sidegan.robot.tree import MOVABLE, REFUSED, Tree, UrdfJoint, similar_names
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
@@ -26,7 +27,7 @@ def choose_chain(tree: Tree, setup: Setup) -> tuple[tuple[UrdfJoint, ...], dict[
     path = _path(tree, setup)
     for joint in path or tree.joints.values():
         if joint.kind in REFUSED and joint.name not in given:
-            still = override("locked", {joint.name: 0.0}, given)
+            still = suggest_by_joint("locked", {joint.name: 0.0}, given)
             raise RobotError(
                 f"{tree.at(joint)} is {joint.kind}: {REFUSED[joint.kind]}; {still} locks it at its origin"
             )
@@ -42,7 +43,7 @@ def choose_chain(tree: Tree, setup: Setup) -> tuple[tuple[UrdfJoint, ...], dict[
 def _path(tree: Tree, setup: Setup) -> list[UrdfJoint]:
     """All joints, of any kind, from the root to the tip."""
     if setup.tip:
-        tree.require_link(setup.tip, "robot.tip=")
+        tree.require_link(setup.tip, "robot.tip")
         return tree.path(setup.tip)
     given = setup.locked or {}
     paths = {
@@ -104,7 +105,7 @@ def _offered(chain: list[UrdfJoint]) -> str:
     """A choice of the arm's tip, for a message: the setting, and the joints up to there."""
     first, last = chain[0].name, chain[-1].name
     joints = f"{len(chain)} joints: {first} to {last}" if len(chain) > 1 else f"1 joint: {first}"
-    return f"{setting('robot.tip', chain[-1].child)} ({joints})"
+    return f"{suggestion('robot.tip', chain[-1].child)} ({joints})"
 
 
 def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str, float]) -> dict[str, float]:
@@ -140,7 +141,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str
             remedies[joint.name] = min(max(xml.number(mimic, "offset", at, "0"), lower), upper)
             if name in free[1:] and tree.joints[name] in tree.path(joint.parent):
                 ends.append(
-                    f"; or end the arm before {name} by {setting('robot.tip', tree.joints[name].parent)}"
+                    f"; or end the arm before {name} by {suggestion('robot.tip', tree.joints[name].parent)}"
                 )
             return 0.0
         followed = tree.joints[name]
@@ -158,7 +159,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str
             wrong[what] = f"{tree.where}: {what} ties {listed([name for name in free if name in loop])}"
             remedies |= beside
     if wrong:
-        locks = f"lock {listed([*remedies])} by {override('locked', remedies, given)}: {_STILL}"
+        locks = f"lock {listed([*remedies])} by {suggest_by_joint('locked', remedies, given)}: {_STILL}"
         remedy = locks if remedies else "delete it from the file if the arm does not have it"
         first, *rest = wrong.values()
         reasons = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in rest)])
@@ -171,17 +172,16 @@ def _check_locked(tree: Tree, name: str, value: float) -> None:
     joint = tree.joints.get(name)
     if joint is None:
         movable = [other.name for other in tree.joints.values() if other.kind != "fixed"]
-        raise RobotError(
-            f"{tree.where} has no joint {name!r} to lock (robot.locked){similar_names(name, movable)}"
-        )
+        at = f"({setting_name('robot.locked')})"
+        raise RobotError(f"{tree.where} has no joint {name!r} to lock {at}{similar_names(name, movable)}")
     if joint.kind == "fixed":
-        raise RobotError(f"{tree.at(joint)} is fixed: leave it out of robot.locked")
+        raise RobotError(f"{tree.at(joint)} is fixed: leave it out of {setting_name('robot.locked')}")
     lower, upper = tree.span(joint) or (0.0, 0.0)
     if lower < upper and not lower <= value <= upper:
         nearest = min(max(value, lower), upper)
         raise RobotError(
             f"{tree.at(joint)} is locked at {value:g}, outside its range {lower:g} to {upper:g}; the "
-            f"nearest is {override('locked', {name: nearest})}"
+            f"nearest is {suggest_by_joint('locked', {name: nearest})}"
         )
 
 

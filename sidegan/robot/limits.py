@@ -8,11 +8,12 @@ from itertools import product
 from typing import Any, TypeVar
 
 from sidegan.base.names import listed
+from sidegan.base.settings_text import FILL_IN, setting_name, suggest_by_joint
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
 from sidegan.robot.joint_limits import with_file
-from sidegan.robot.setup import Limits, override
+from sidegan.robot.setup import Limits
 from sidegan.robot.tree import Tree, UrdfJoint, similar_names
 from sidegan.robot.units import LIMITS, TURN, made_up
 
@@ -72,14 +73,17 @@ def limits_of(
     if described.useless:
         notes.append(f"soft limits that leave no range are ignored: {listed(described.useless)}")
     if described.narrowed:
-        whole = override("limits.position", {name: span for name, (span, _) in described.narrowed.items()})
+        whole = suggest_by_joint(
+            "limits.position", {name: span for name, (span, _) in described.narrowed.items()}
+        )
         notes.append(
             "soft limits apply, since drivers enforce them (safety_controller): "
             f"{listed([words for _, words in described.narrowed.values()])}; for the full range: {whole}"
         )
     if described.missing:
         lines = " ".join(
-            override(f"limits.{kind}", values, stated[kind]) for kind, values in described.examples.items()
+            suggest_by_joint(f"limits.{kind}", values, stated[kind])
+            for kind, values in described.examples.items()
         )
         if planning:
             first, *others = described.missing
@@ -93,13 +97,15 @@ def limits_of(
     for kind in DERIVATIVE_ORDER:
         finite = [name for name, limits in found.items() if math.isfinite(getattr(limits, kind))]
         if names := [name for name in finite if name not in stated[kind]]:
-            remedy = f"'robot.limits.{kind}={{{names[0]}: …}}' overrides them"
-            notes.append(f"{kind} limits of {listed(names)} come from the description; {remedy}")
+            other = suggest_by_joint(f"limits.{kind}", {names[0]: FILL_IN})
+            notes.append(
+                f"{kind} limits of {listed(names)} come from the description; {other} overrides them"
+            )
     if planning and not any(math.isfinite(limits.effort) for limits in found.values()):
         _log.warning(
-            "%s has no torque limits, so torques are unchecked; set them by 'robot.limits.effort={%s: …}'",
+            "%s has no torque limits, so torques are unchecked; set them by %s",
             tree.where,
-            ": …, ".join(found),
+            suggest_by_joint("limits.effort", dict.fromkeys(found, FILL_IN)),
         )
     if wider and planning:
         _log.warning("%s: limits are wider than the description's: %s", tree.where, "; ".join(wider))
@@ -113,12 +119,14 @@ def _stated(tree: Tree, given: Limits) -> dict[str, dict[str, Any]]:
         for name in values:
             if name not in tree.joints:
                 raise RobotError(
-                    f"{tree.where} has no joint {name!r} of robot.limits.{kind}{similar_names(name, tree.joints)}"
+                    f"{tree.where} has no joint {name!r} of {setting_name(f'robot.limits.{kind}')}"
+                    f"{similar_names(name, tree.joints)}"
                 )
     for name, (lower, upper) in stated["position"].items():
         if not lower < upper:
             at = tree.at(tree.joints[name])
-            raise RobotError(f"{at}: robot.limits.position is {lower:g} to {upper:g}, expected lower < upper")
+            where = f"{at}: {setting_name('robot.limits.position')}"
+            raise RobotError(f"{where} is {lower:g} to {upper:g}, expected lower < upper")
     return stated
 
 
@@ -160,7 +168,7 @@ class _Described:
     def effort(self, joint: UrdfJoint) -> float:
         """Torque or force limit [N·m or N]; infinite if none is stated."""
         if motor := joint.part("limit").get("not_read"):
-            self._example("effort", joint, "…", f"a torque limit that is not read: {motor}")
+            self._example("effort", joint, FILL_IN, f"a torque limit that is not read: {motor}")
             return math.inf
         effort = self._number(joint, "effort")
         if effort >= 0:
@@ -225,8 +233,8 @@ def _in_other_units(
         for x in (x for x in joints if least < size[x] < math.inf):
             value = [limit / x.reduction if geared else factor * limit for limit in own[x]]
             vars(found[x.name]).update(zip(_SIDES[kind], value))
-            values[x.name] = (value if len(value) > 1 else value[0]) if max(value) <= largest else "…"
-        right = override(f"limits.{kind}", values, given)
+            values[x.name] = (value if len(value) > 1 else value[0]) if max(value) <= largest else FILL_IN
+        right = suggest_by_joint(f"limits.{kind}", values, given)
         said.append(
             f"{kind} limits of {listed(wrong, 4)} (up to {max(size[x] for x in beyond):.4g}) are beyond any "
             f"arm's: are these {other}? In SI units they are then {right};"
@@ -266,7 +274,7 @@ def _assumed(
     if endless:
         spans = {name: (found[name].lower, found[name].upper) for name in endless}
         wider = {name: [low - math.pi, up + math.pi] for name, (low, up) in spans.items()}
-        remedy = override("limits.position", wider)
+        remedy = suggest_by_joint("limits.position", wider)
         ranges = listed([f"{name} {low:.4g} to {up:.4g}" for name, (low, up) in spans.items()])
         notes.append(f"continuous joints may turn half a turn from home: {ranges} rad (for more: {remedy})")
     free = [joint.name for joint in moving if not math.isfinite(found[joint.name].effort)]

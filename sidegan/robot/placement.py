@@ -8,10 +8,11 @@ import numpy as np
 import pinocchio as pin
 
 from sidegan.base.arrays import Array
+from sidegan.base.settings_text import setting_name, suggestion
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import Arm, FilePlane
-from sidegan.robot.setup import Mount, setting
+from sidegan.robot.setup import Mount
 from sidegan.robot.tree import TURNING, UrdfJoint
 from sidegan.robot.units import meant_in_degrees
 
@@ -72,8 +73,8 @@ def mount_of(given: Mount | None, gravity: Sequence[float] | None = None) -> Mou
         RobotError: when angles look like degrees.
     """
     if given is not None and (meant := meant_in_degrees(given)):
-        stated = setting("robot.mount", meant, ".6g")
-        raise RobotError(f"robot.mount is {list(given)} rad: are these degrees? In radians they are {stated}")
+        name, stated = setting_name("robot.mount"), suggestion("robot.mount", meant, ".6g")
+        raise RobotError(f"{name} is {list(given)} rad: are these degrees? In radians they are {stated}")
     if given is not None or gravity is None:
         return given or (0.0, 0.0, 0.0)
     x, y, z = gravity

@@ -7,6 +7,7 @@ from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
+from sidegan.base.settings_text import suggestion
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.units import reductions_of
@@ -124,10 +125,12 @@ class Tree:
 
 
 def similar_names(name: str, known: Iterable[str], setting: str = "") -> str:
-    """Known names similar to an unknown one, for a message."""
+    """Known names similar to an unknown one for a message, or the settings of this name that have them."""
     names = list(known)
     close = difflib.get_close_matches(name, names, 3, 0.5) or names[-3:]
-    return ", expected for example " + " or ".join(f"{setting}{match}" for match in close)
+    return ", expected for example " + " or ".join(
+        suggestion(setting, match) if setting else match for match in close
+    )
 
 
 def read_tree(root: ET.Element, where: str) -> Tree:

@@ -277,8 +277,8 @@ class Constraints:
         stuck = np.flatnonzero(~leaves.any(1))
         if len(stuck):
             raise InfeasibleError(
-                f"region {int(stuck[0])} cannot be avoided: no link is outside it in any of {CONFIGURATIONS:,} "
-                "random configurations"
+                f"region {int(stuck[0])} cannot be avoided: no link is outside it in any of "
+                f"{CONFIGURATIONS:,} random configurations"
             )
         self.never_out = self._guarded_names(both[~leaves.ravel()])
         short = leaves & (farthest <= 0)

@@ -9,8 +9,8 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.motion.arrays import chain_of, shapes_of
 from sidegan.robot import Arm, Capsules
+from sidegan.robot.foot import foot, like_the_arm
 from sidegan.robot.placement import stands
-from sidegan.robot.visuals import foot, like_the_arm
 from sidegan.validity.capsules import capsule_clearances
 from sidegan.validity.pairs import random_configurations
 from sidegan.validity.regions import Plane, tables

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.settings_text import FILL_IN, setting_name, suggestion
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
@@ -56,7 +57,8 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
     raise InfeasibleError(
         f"no feasible home of {arm.name} found at zero or among {len(rooms[name]):,} other "
         f"positions: {share:.0%} of them violate {name} of {where}; state a home that is free by "
-        f"'trajectory.home=[…]'; what else may help: {remedy(constraints, (name, where))}"
+        f"{suggestion('trajectory.home', [FILL_IN])}; what else may help: "
+        f"{remedy(constraints, (name, where))}"
     )
 
 
@@ -69,7 +71,7 @@ def rests_at(constraints: Constraints, home: Sequence[float]) -> bool:
 def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
     """Refuse joint positions, (J,), that make sense only in degrees, by a ConfigError with the radians.
 
-    A wrong number of positions is not checked here.
+    ``setting`` is its name in the command. A wrong number of positions is not checked here.
     """
     if len(positions) != arm.joints:
         return
@@ -79,9 +81,9 @@ def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
     if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):
         j = int((np.abs(q) * beyond).argmax())
         raise ConfigError(
-            f"{setting} has {float(q[j]):g} for {arm.joint_names[j]}, whose range is {float(lower[j]):.4g} "
-            f"to {float(upper[j]):.4g} rad: are these degrees? In radians they are "
-            f"'{setting}=[{', '.join(f'{x:.4g}' for x in turned.tolist())}]'"
+            f"{setting_name(setting)} has {float(q[j]):g} for {arm.joint_names[j]}, whose range is "
+            f"{float(lower[j]):.4g} to {float(upper[j]):.4g} rad: are these degrees? In radians they are "
+            f"{suggestion(setting, turned.tolist(), '.4g')}"
         )
 
 

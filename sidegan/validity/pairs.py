@@ -9,9 +9,9 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
+from sidegan.base.settings_text import suggest_touching, suggestion
 from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
-from sidegan.robot.setup import allowed
 from sidegan.validity.capsules import (
     bodies_of,
     capsule_clearances,
@@ -136,8 +136,8 @@ def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleE
     room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
     most = max(math.floor(room * _STEPS), 0) / _STEPS
     return InfeasibleError(
-        f"workspace.clearance={clearance:g} is too large, these are always closer: "
-        f"{listed(near, _NEAR)}; try 'workspace.clearance={most:g}'"
+        f"{suggestion('workspace.clearance', clearance, 'g')} is too large, these are always closer: "
+        f"{listed(near, _NEAR)}; try {suggestion('workspace.clearance', most, 'g')}"
     )
 
 
@@ -207,7 +207,7 @@ def _refuse(arm: Arm, touching: _Touching, tight: frozenset[Links]) -> None:
         )
     names = listed([" and ".join(pair) for pair in stuck], _SHOWN)
     raise InfeasibleError(
-        f"links of {arm.name} that touch in every one of {CONFIGURATIONS:,} random configurations: {names}; correct "
-        "their shapes or, if contact is expected, leave these pairs unchecked by "
-        f"{allowed(stuck, arm.setup.may_touch)}"
+        f"links of {arm.name} that touch in every one of {CONFIGURATIONS:,} random configurations: {names}; "
+        "correct their shapes or, if contact is expected, leave these pairs unchecked by "
+        f"{suggest_touching(stuck, arm.setup.may_touch)}"
     )

@@ -7,12 +7,12 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
+from sidegan.base.settings_text import FILL_IN, suggest_by_joint, suggest_touching, suggestion
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, units
 from sidegan.robot.consistency import describe_other_units
-from sidegan.robot.setup import allowed, override
 from sidegan.robot.sources import read_source
 from sidegan.robot.units import reductions_of
 from sidegan.validity.check import check
@@ -48,25 +48,28 @@ def remedy(constraints: Constraints, where: Violation) -> str:
     """Settings that relax a constraint, in words for people."""
     constraint, which = where
     arm = constraints.arm
-    home = "another home ('trajectory.home=[…]')"
+    home = f"another home ({suggestion('trajectory.home', [FILL_IN])})"
+    closer = suggestion("workspace.clearance", FILL_IN)
     if constraint == "collision":
         pair = which.split(" – ")
         gap = constraints.tight.get((pair[0], pair[1]), constraints.apart)
-        nearer = f"a clearance below {gap:g} m (workspace.clearance=…), " if gap else ""
-        touch = allowed([pair], arm.setup.may_touch)
+        nearer = f"a clearance below {gap:g} m ({closer}), " if gap else ""
+        touch = suggest_touching([pair], arm.setup.may_touch)
         return f"{nearer}{home} or, if contact is expected, {touch}"
     if constraint == "keep_out":
-        nearer = "a smaller clearance (workspace.clearance=…), " if constraints.clearance else ""
-        return f"{nearer}{home} or no regions (workspace=free)"
+        nearer = f"a smaller clearance ({closer}), " if constraints.clearance else ""
+        return f"{nearer}{home} or no regions ({suggestion('workspace', 'free')})"
     j = arm.joint_names.index(which)
     kind = "effort" if constraint == "torque" else constraint
     mine = which in _given(arm, kind)  # and not the description's
     own = f" or a wider limit than yours ({_limits_to_state(arm, kind, [j])})" if mine else ""
-    share = ", more of the limits (robot.effort=…, up to 1)" if constraint in ("velocity", "torque") else ""
+    share = ""
+    if constraint in ("velocity", "torque"):
+        share = f", more of the limits ({suggestion('robot.effort', FILL_IN)}, up to 1)"
     if constraint == "torque":
         return f"masses that are right ({_masses(arm)}), {home}{share}{own}{_made_up(arm, [j])}"
-    slower = "" if constraint == "position" else ", slower motion (trajectory.period=…)"
-    return f"{home}{slower}{share}{own}"
+    slower = f", slower motion ({suggestion('trajectory.period', FILL_IN)})"
+    return f"{home}{slower if constraint != 'position' else ''}{share}{own}"
 
 
 def refuse_other_units(arm: Arm) -> None:
@@ -76,7 +79,7 @@ def refuse_other_units(arm: Arm) -> None:
     if doubt or (weak and _geared(arm, weak)):
         raise RobotError(
             f"{doubt or describe_weak_limits(arm)}; correct the file, or leave torques unchecked by "
-            "workspace.torque=false"
+            f"{suggestion('workspace.torque', False)}"
         )
 
 
@@ -138,7 +141,7 @@ def _geared(arm: Arm, weak: list[int]) -> str:
     names = {arm.joint_names[j] for j in weak}
     if not names <= {*joint} or names & {*_given(arm, "effort")}:
         return ""
-    right = override("limits.effort", joint | _given(arm, "effort"))
+    right = suggest_by_joint("limits.effort", joint | _given(arm, "effort"))
     return f"; are these limits the motors'? Times the mechanicalReduction in the file they are {right}"
 
 
@@ -164,14 +167,14 @@ def describe_excessive_friction(arm: Arm) -> str:
         return ""
     return (
         f"at its velocity limit, friction of {arm.named(beyond)} exceeds its torque limit; if this friction "
-        "is a placeholder, robot.friction=false leaves it out"
+        f"is a placeholder, {suggestion('robot.friction', False)} leaves it out"
     )
 
 
 def _limits_to_state(arm: Arm, kind: str, joints: list[int]) -> str:
     """The setting of limits for some joints, including those given before."""
-    stated = {arm.joint_names[j]: "…" for j in joints}
-    return override(f"limits.{kind}", stated, _given(arm, kind))
+    stated = {arm.joint_names[j]: FILL_IN for j in joints}
+    return suggest_by_joint(f"limits.{kind}", stated, _given(arm, kind))
 
 
 def _given(arm: Arm, kind: str) -> dict[str, Any]:
