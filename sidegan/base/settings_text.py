@@ -47,7 +47,7 @@ def suggestion(name: str, value: object, digits: str = "") -> str:
     value = _FIELDS.get((name, str(value)), value)
     for field in reversed(fields):
         value = {field: value}
-    return f"{argument}={_python(value, digits)}"
+    return f"{argument}={_text(value, digits, python=True)}"
 
 
 def setting_name(name: str) -> str:
@@ -73,7 +73,7 @@ def suggest_touching(pairs: Iterable[Sequence[str]], given: Iterable[Sequence[st
 
 def setting(name: str, value: object, digits: str = "") -> str:
     """A setting as an argument of the command; ``digits``: the format of its numbers, by default exact."""
-    return f"{name}={value}" if value == FILL_IN else quote(f"{name}={_argument(value, digits)}")
+    return f"{name}={value}" if value == FILL_IN else quote(f"{name}={_text(value, digits)}")
 
 
 def robot_settings(name: str, setup: object) -> str:
@@ -97,45 +97,37 @@ def changes(group: str, settings: Any) -> list[str]:
     return own + inner
 
 
-def _argument(value: object, digits: str) -> str:
-    """A value as written in settings; text is quoted if it could be read as something else."""
+def _text(value: object, digits: str, python: bool = False) -> str:
+    """A value as written in Python, apart from what is to be filled in, or in the command."""
     if is_dataclass(value):  # instead of null
         value = {name: x for name, x in vars(value).items() if x is not None}
     match value:
-        case None:
-            return "null"
         case Mapping():
-            named = {_RESERVED.sub(r"\\\g<0>", str(name)): _argument(x, digits) for name, x in value.items()}
-            return f"{{{', '.join(': '.join(pair) for pair in named.items())}}}"
+            rows = {_name(name, python): _text(x, digits, python) for name, x in value.items()}
+            return f"{{{', '.join(f'{name}: {x}' for name, x in rows.items())}}}"
         case list() | tuple():
-            return f"[{', '.join(_argument(x, digits) for x in value)}]"
+            return f"[{', '.join(_text(x, digits, python) for x in value)}]"
+        case None if not python:
+            return "null"
         case bool():
-            return str(value).lower()
-        case int() | float():
-            return _number(value, digits)
-    text = str(value)
+            return str(value) if python else str(value).lower()
+        case int():
+            return str(value)
+        case float():
+            return f"{value:.0f}" if value.is_integer() and abs(value) < _EXACT else f"{value:{digits}}"
+    if python:
+        return FILL_IN if value == FILL_IN else repr(value)
+    return _word(str(value))
+
+
+def _name(name: object, python: bool) -> str:
+    """The name of a value in a mapping."""
+    return repr(name) if python else _RESERVED.sub(r"\\\g<0>", str(name))
+
+
+def _word(text: str) -> str:
+    """Text for the command, in quotes if it could be read as something else."""
     if _WORD.fullmatch(text) and text.lower() not in _NO_TEXT:
         return text
     literal = re.sub(r"(\\*)\$\{", r"\1\1\\${", text)  # no interpolation
     return '"' + re.sub(r'\\+(?="|\Z)', r"\g<0>\g<0>", literal).replace('"', r"\"") + '"'
-
-
-def _python(value: object, digits: str) -> str:
-    """A value as written in Python, apart from what is to be filled in."""
-    match value:
-        case Mapping():
-            return f"{{{', '.join(f'{name!r}: {_python(x, digits)}' for name, x in value.items())}}}"
-        case list() | tuple():
-            return f"[{', '.join(_python(x, digits) for x in value)}]"
-        case bool():
-            return str(value)
-        case int() | float():
-            return _number(value, digits)
-    return FILL_IN if value == FILL_IN else repr(value)
-
-
-def _number(value: float, digits: str) -> str:
-    """A number in a format, whole ones in full."""
-    if isinstance(value, int):
-        return str(value)
-    return f"{value:.0f}" if value.is_integer() and abs(value) < _EXACT else f"{value:{digits}}"

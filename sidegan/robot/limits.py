@@ -14,14 +14,14 @@ from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
 from sidegan.robot.joint_limits import with_file
 from sidegan.robot.setup import Limits
+from sidegan.robot.thresholds import LIMITS, TURN, WIDER_LIMIT
 from sidegan.robot.tree import Tree, UrdfJoint, similar_names
-from sidegan.robot.units import LIMITS, TURN, made_up
+from sidegan.robot.units import made_up
 
 _EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # suggested ranges [rad or m]
 _EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s for the others
 # Attributes of a joint's <limit>, with any prefix.
 _DERIVATIVES = {"acceleration": ("acceleration", "deceleration"), "jerk": ("jerk",)}
-_ROUNDED = 1e-3  # relative tolerance of limits wider than the description's
 _SIDES = {"position": ["lower", "upper"], "velocity": ["velocity"], "effort": ["effort"]}
 _Value = TypeVar("_Value")
 _Span = tuple[float, float]  # lower and upper limit [rad or m]
@@ -260,7 +260,7 @@ def _wider(joint: UrdfJoint, limits: JointLimits) -> list[str]:
     for kind, unit in units.items():
         value = getattr(limits, kind)
         own = xml.plain(joint.part("limit").get(kind))
-        if own and (own - value if kind == "lower" else value - own) > _ROUNDED * abs(own):
+        if own and (own - value if kind == "lower" else value - own) > WIDER_LIMIT * abs(own):
             wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider
 

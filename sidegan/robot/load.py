@@ -20,7 +20,7 @@ from sidegan.robot.description import Description, read_description
 from sidegan.robot.model import kinematics_and_inertias, pinocchio_model
 from sidegan.robot.setup import PLAIN, Setup
 from sidegan.robot.shapes import VERSION, capsules_of
-from sidegan.robot.units import LONGEST_ARM
+from sidegan.robot.thresholds import LONGEST_ARM
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {

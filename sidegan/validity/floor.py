@@ -14,8 +14,8 @@ from sidegan.robot.placement import stands
 from sidegan.validity.capsules import capsule_clearances
 from sidegan.validity.pairs import random_configurations
 from sidegan.validity.regions import Plane, tables
+from sidegan.validity.thresholds import STANDING_SHARE
 
-_STANDS = 0.02  # least share of random configurations above the floor of an arm that stands on it
 _STEPS = 1_000  # per metre: heights are rounded down to whole millimetres
 _ROUNDING = 1e-3  # of a step, for rounding errors
 
@@ -94,4 +94,4 @@ def _leaves(arm: Arm, plane: Plane) -> bool:
     shapes = shapes_of(arm.capsules, guarded[:0], guarded, tables([plane]))
     clear = capsule_clearances(chain_of(arm), shapes, random_configurations(arm))[1] > 0  # (N, K)
     clear = clear[:, clear.any(0)]
-    return clear.size > 0 and float(clear.all(1).mean()) >= _STANDS
+    return clear.size > 0 and float(clear.all(1).mean()) >= STANDING_SHARE

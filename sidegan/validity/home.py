@@ -1,6 +1,5 @@
 """Default home position and effort of an arm."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,13 +12,12 @@ from sidegan.robot import Arm
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.pairs import random_configurations
 from sidegan.validity.remedies import remedy
+from sidegan.validity.thresholds import CAREFUL_EFFORT, CAREFULLY_HELD, HOME_TURN
 
 _SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)  # of the ranges around their centre, tried in turn
 _DRAWS = 500  # configurations for each share
-_CAREFUL = 0.8  # of the limits: leaves room for feed-forward errors of a quarter
-_HELD, _TRIED = 0.95, 1000  # least share of configurations in which the arm can hold itself, and how many
+_TRIED = 1000  # configurations in which the arm has to hold itself
 _ROOM = 0.05  # [m] distance that is a relative margin of 1
-_TURN = 2.1 * math.pi  # [rad] from zero, up to which a home is plausible whatever the limits
 
 
 def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, ...] | None:
@@ -77,7 +75,7 @@ def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
         return
     q, lower, upper = np.array(positions, float), arm.position_lower, arm.position_upper
     turned = np.where(arm.prismatic, q, np.deg2rad(q))
-    beyond = ~arm.prismatic & (np.abs(q) > _TURN) & ((q < lower) | (q > upper))
+    beyond = ~arm.prismatic & (np.abs(q) > HOME_TURN) & ((q < lower) | (q > upper))
     if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):
         j = int((np.abs(q) * beyond).argmax())
         raise ConfigError(
@@ -102,9 +100,9 @@ def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
     rows = [] if home is None else [list(home)]
     q = np.concatenate([np.array(rows, float).reshape(-1, arm.joints), random_configurations(arm, _TRIED)])
     still = np.zeros_like(q)
-    held = np.all(np.abs(RigidBody(arm).torque(q, still, still)) <= _CAREFUL * arm.torque_limit, 1)
+    held = np.all(np.abs(RigidBody(arm).torque(q, still, still)) <= CAREFUL_EFFORT * arm.torque_limit, 1)
     there, around = held[: len(rows)], held[len(rows) :]
-    return _CAREFUL if bool(there.all()) and float(around.mean()) >= _HELD else 1.0
+    return CAREFUL_EFFORT if bool(there.all()) and float(around.mean()) >= CAREFULLY_HELD else 1.0
 
 
 def _rooms(constraints: Constraints, q: Array) -> dict[str, Array]:

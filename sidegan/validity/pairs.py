@@ -20,15 +20,13 @@ from sidegan.validity.capsules import (
     piece_distances,
     shapes_alone,
 )
+from sidegan.validity.thresholds import DISPLACED, MOSTLY_TOUCHING, SHORT_ARM_PAIRS
 
-_FAR = 0.2  # arm lengths; shapes of neighbours come closer
-_TRIED = 200  # configurations in which that is tested
+_TRIED = 200  # configurations in which neighbours' shapes are tested
 CONFIGURATIONS = 4_000  # random configurations in which capsules are tested
 _INSIDE = 1_000  # of these, in which the pieces inside capsules are tested
-_FEW = 3  # up to so many pairs, all may always touch, as in a short arm
 _SHOWN, _NEAR = 6, 4  # pairs of links named in messages
 _STEPS = 1e4  # per metre; suggested clearances are whole steps
-_OFTEN = 2 / 3  # share of configurations above which links mostly touch
 _SPARE = 0.1  # share by which suggested clearances stay below the available distance
 
 Links = tuple[str, str]
@@ -87,7 +85,7 @@ def describe_displaced_shapes(arm: Arm) -> str:
         links = links_of(owners[i], owners[j])
         if links in parents and abs(link[i] - link[j]) <= 1 and max(link[i], link[j]) >= 0:
             gaps[links] = min(gaps.get(links, math.inf), gap)
-    most = _FAR * float(np.linalg.norm(arm.translation[1:], axis=1).sum() + np.linalg.norm(arm.tip))
+    most = DISPLACED * float(np.linalg.norm(arm.translation[1:], axis=1).sum() + np.linalg.norm(arm.tip))
     far = [f"{' – '.join(links)} ({gap:.2g} m)" for links, gap in gaps.items() if gap > most]
     if not far:
         return ""
@@ -125,7 +123,7 @@ def usual_room(arm: Arm, need: float) -> dict[Links, float]:
 def mostly_touching(arm: Arm) -> dict[Links, float]:
     """Share of configurations in which links touch, for checked links that mostly do."""
     touching = _Touching(arm)
-    return {links: share for links in touching.open if (share := touching.share(links)) > _OFTEN}
+    return {links: share for links in touching.open if (share := touching.share(links)) > MOSTLY_TOUCHING}
 
 
 def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
@@ -200,7 +198,7 @@ def _refuse(arm: Arm, touching: _Touching, tight: frozenset[Links]) -> None:
     stuck = [pair for pair in touching.open if pair not in tight and touching.always(pair)]
     if not stuck:
         return
-    if len(stuck) == len(touching.open) > _FEW:
+    if len(stuck) == len(touching.open) > SHORT_ARM_PAIRS:
         raise InfeasibleError(
             f"all {len(stuck)} pairs of non-adjacent links of {arm.name} touch in every one of "
             f"{CONFIGURATIONS:,} random configurations, so none can be checked: are the shapes in metres?"
