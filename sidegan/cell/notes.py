@@ -7,6 +7,7 @@ import numpy as np
 from sidegan.base.names import counted, listed
 from sidegan.base.settings_text import FILL_IN, suggest_touching, suggestion
 from sidegan.cell.settings import Choices
+from sidegan.cell.thresholds import FAR_REGION
 from sidegan.cell.workspace import Workspace
 from sidegan.robot import Arm, describe_doubtful_links, describe_placeholder_links, doubtful_links
 from sidegan.robot.arm import length_of
@@ -18,8 +19,6 @@ from sidegan.validity.remedies import (
     describe_placeholder_limits,
     describe_weak_limits,
 )
-
-_FAR = 10.0  # reaches of the arm, beyond which a region is probably in millimetres
 
 
 def describe_doubts(arm: Arm, workspace: Workspace, constraints: Constraints) -> list[str]:
@@ -42,7 +41,7 @@ def _far_regions(arm: Arm, workspace: Workspace, constraints: Constraints) -> st
     regions = constraints.regions[len(constraints.regions) - own :]
     reach = length_of(vars(arm))
     apart = {k: distance(region, arm.translation[0]) for k, region in enumerate(regions)}
-    far = [f"workspace.regions[{k}] is {x:.3g} m away" for k, x in apart.items() if x > _FAR * reach]
+    far = [f"workspace.regions[{k}] is {x:.3g} m away" for k, x in apart.items() if x > FAR_REGION * reach]
     return f"{listed(far)}, and {arm.name} reaches {reach:.2g} m: are these millimetres?" if far else ""
 
 

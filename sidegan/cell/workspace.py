@@ -14,10 +14,12 @@ from sidegan.base.names import counted
 from sidegan.base.settings_text import FILL_IN, suggestion
 from sidegan.base.storage import file_digest
 from sidegan.base.typed import NonNegative, Number, Positive
+from sidegan.cell.thresholds import KEPT_SHARE, USUAL_CLEARANCES
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, is_built_in
 from sidegan.robot.meshes import metres_per_unit, read_mesh
 from sidegan.robot.placement import from_rpy, stands
+from sidegan.robot.thresholds import UPRIGHT
 from sidegan.robot.units import meant_in_degrees
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
@@ -26,11 +28,8 @@ from sidegan.validity.pairs import Links, usual_room
 
 Point = tuple[Number, Number, Number]
 
-_UPWARDS = 0.7  # cosine of the largest tilt of a floor
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
-_USUALLY = (0.02, 0.01, 0.005)  # [m] default clearances: the first that leaves room applies, or else none
-_KEPT = 2 / 3  # largest share of the available distance to keep; the rest is room to move
-_BESIDE = 1 / _KEPT - 1  # that room as a share of the kept distance
+_BESIDE = 1 / KEPT_SHARE - 1  # room to move beside a kept distance, as a share of it
 _STEPS = 1e3  # per metre; kept distances are whole steps
 
 
@@ -153,18 +152,19 @@ class Workspace:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
         if arm.capsules.only_points:  # distances between points mean nothing
             return Constraints(arm, shapes, self.torque)
-        room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
+        usual = USUAL_CLEARANCES[0]
+        room = dict(usual_room(arm, usual / KEPT_SHARE))
         if home is not None:
             kept = _tight(room)  # so that pairs count that are close only with the clearance
-            there = Constraints(arm, apart=_USUALLY[0], tight=kept).distances_at(np.array(home, float))
+            there = Constraints(arm, apart=usual, tight=kept).distances_at(np.array(home, float))
             room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}
         tight = _tight(room)
-        for clearance in _USUALLY:
+        for clearance in USUAL_CLEARANCES:
             with suppress(InfeasibleError):
-                found = Constraints(arm, shapes, self.torque, clearance, _USUALLY[0], tight)
+                found = Constraints(arm, shapes, self.torque, clearance, usual, tight)
                 if home is None or found.keeps_out(home, _BESIDE):
                     return found
-        return Constraints(arm, shapes, self.torque, 0.0, _USUALLY[0], tight)
+        return Constraints(arm, shapes, self.torque, 0.0, usual, tight)
 
     def home_of(self, arm: Arm) -> tuple[float, ...] | None:
         """The described home [rad or m], (J,), if feasible, or one with room to move; None for zeros.
@@ -180,7 +180,7 @@ class Workspace:
         around = self.around(arm)
         if self.clearance is not None or around.arm.capsules.only_points:
             return default_home(around)
-        for most in _USUALLY:  # the largest clearance that leaves room anywhere
+        for most in USUAL_CLEARANCES:  # the largest clearance that leaves room anywhere
             with suppress(InfeasibleError):
                 clearance = min(most, around.clearance)
                 kept = Constraints(around.arm, around.regions, self.torque, clearance, most, around.tight)
@@ -210,12 +210,12 @@ class Workspace:
 
 def _tight(room: Mapping[Links, float]) -> dict[Links, float]:
     """What to keep [m] between links that have only so much room [m]."""
-    return {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
+    return {links: math.floor(KEPT_SHARE * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
 
 
 def _is_floor(plane: Plane) -> bool:
     """Whether a plane faces up."""
-    return plane.unit[2] > _UPWARDS
+    return plane.unit[2] > UPRIGHT
 
 
 def _floor_note(arm: Arm, own: Sequence[Plane]) -> str:

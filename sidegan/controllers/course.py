@@ -92,17 +92,21 @@ def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course
     """
     waiting = np.linspace(0, pause, max(1, round(pause * rate)) + 1)[1:] if pause else np.empty(0)
 
-    def joined(one: Course, other: Course) -> Course:
+    def join(one: Course, other: Course) -> Course:
         apart = float(np.abs(one.position[-1] - other.position[0]).max())
         if other.joint_names != one.joint_names or apart > _MET:
             raise ShapeError(f"consecutive courses must meet: their ends are {apart:.3g} rad or m apart")
-        begin, still = one.time[-1], np.zeros((len(waiting), len(other.joint_names)))
-        time = np.concatenate([one.time, begin + waiting, begin + pause + other.time[1:]])
-        between = zip(STATES, (still + other.position[0], still, still))
-        parts = ([getattr(one, name), x, getattr(other, name)[1:]] for name, x in between)
-        return Course(one.joint_names, time, *map(np.concatenate, parts))
+        end = one.time[-1]
+        still = np.zeros((len(waiting), len(other.joint_names)))
+        return Course(
+            one.joint_names,
+            time=np.concatenate([one.time, end + waiting, end + pause + other.time[1:]]),
+            position=np.concatenate([one.position, still + other.position[0], other.position[1:]]),
+            velocity=np.concatenate([one.velocity, still, other.velocity[1:]]),
+            acceleration=np.concatenate([one.acceleration, still, other.acceleration[1:]]),
+        )
 
-    return reduce(joined, courses)
+    return reduce(join, courses)
 
 
 def approach(

@@ -38,15 +38,7 @@ def export_set(
         StorageError: when a file cannot be written.
     """
     require_exportable(constraints.arm, trajectory, settings)
-    if not len(c):
-        raise InfeasibleError("the set has no trajectories")
-    found = check(constraints, trajectory, c)
-    if not found.valid.all():
-        first = int(found.valid.argmin())
-        raise InfeasibleError(
-            f"{int((~found.valid).sum())} of {len(c)} trajectories are invalid: {first + 1} violates "
-            f"{found.failures(first)[0]}; no files are written"
-        )
+    _refuse_invalid(constraints, trajectory, c)
     arm, rate, digits = constraints.arm, settings.rate, len(str(len(c)))
     matrix = settings.matrix(arm)
 
@@ -61,9 +53,8 @@ def export_set(
     if settings.start is not None:
         home = tuple(trajectory.home or ())
         start = (matrix @ settings.start).tolist()
-        ends = {APPROACH: (start, home), RETURN: (home, start)}
-        for name, both in ends.items():
-            ways[name] = approach(constraints, *both, settings).for_controller(matrix)
+        ways[APPROACH] = approach(constraints, start, home, settings).for_controller(matrix)
+        ways[RETURN] = approach(constraints, home, start, settings).for_controller(matrix)
     goals = points | ways
     pause = settings.pause or 0.0
     texts: dict[str, str] = {}
@@ -83,6 +74,19 @@ def export_set(
         for name, text in texts.items():
             write_bytes(new / name, text.encode())
     return {name: goals[name].duration for name in (APPROACH, *points, RETURN) if name in goals}
+
+
+def _refuse_invalid(constraints: Constraints, trajectory: Trajectory, c: Array) -> None:
+    """Refuse a set that is empty or has invalid trajectories, by an InfeasibleError."""
+    if not len(c):
+        raise InfeasibleError("the set has no trajectories")
+    found = check(constraints, trajectory, c)
+    if not found.valid.all():
+        first = int(found.valid.argmin())
+        raise InfeasibleError(
+            f"{int((~found.valid).sum())} of {len(c)} trajectories are invalid: {first + 1} violates "
+            f"{found.failures(first)[0]}; no files are written"
+        )
 
 
 def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSettings) -> None:

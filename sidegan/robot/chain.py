@@ -189,8 +189,9 @@ def describe_fixed(
     tree: Tree, moving: Sequence[UrdfJoint], locked: Mapping[str, float], masses: Mapping[str, float]
 ) -> list[str]:
     """Notes on locked joints with their positions [rad or m], and on masses [kg] lumped into other links."""
-    ties = f"constraints left out, so that trajectories may break them: {listed([*tree.loops])}"
-    notes = [ties] * bool(tree.loops)
+    notes = []
+    if tree.loops:
+        notes.append(f"constraints left out, so that trajectories may break them: {listed([*tree.loops])}")
     if not locked:
         return notes
     stand = []

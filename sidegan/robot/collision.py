@@ -157,6 +157,7 @@ def _pair(hulls: pin.GeometryModel, owners: Sequence[str], description: Descript
 def _sampled(model: pin.Model, description: Description, pairs: int) -> np.ndarray:
     """Random configurations within the limits, (N, J)."""
     limits = [description.limits[name] for name in list(model.names)[1:]]
-    lower, upper = (np.array([getattr(limit, side) for limit in limits]) for side in ("lower", "upper"))
+    lower = np.array([limit.lower for limit in limits])
+    upper = np.array([limit.upper for limit in limits])
     count = int(np.clip(_QUESTIONS / pairs, _FEWEST, _MOST))
     return lower + np.random.default_rng(0).random((count, len(limits))) * (upper - lower)

@@ -8,7 +8,7 @@ import pinocchio as pin
 from sidegan.base.arrays import Array
 from sidegan.robot.arm import Arm
 from sidegan.robot.sources import read_source
-from sidegan.robot.tree import read_tree
+from sidegan.robot.tree import UrdfJoint, read_tree
 from sidegan.robot.visuals import links_with_frames, read_surface
 
 _FLAT = 1e-3  # [m] from z = 0 within which points belong to a foot
@@ -39,13 +39,14 @@ def foot(arm: Arm) -> tuple[float, bool, str]:
 def like_the_arm(arm: Arm, link: str) -> bool:
     """Whether a link belongs to another limb with the same kinds of joints as the arm, as another leg."""
     tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
-    paths = ([j for j in tree.path(end) if j.kind != "fixed"] for end in (link, arm.link_names[-1]))
-    pair = next((pair for pair in zip(*paths) if pair[0] is not pair[1]), ())
-    carried = [
-        sorted(other.kind for other in tree.joints.values() if first in tree.path(other.child))
-        for first in pair
-    ]
-    return len(carried) == 2 and carried[0] == carried[1]
+    own = [joint for joint in tree.path(link) if joint.kind != "fixed"]
+    arms = [joint for joint in tree.path(arm.link_names[-1]) if joint.kind != "fixed"]
+
+    def carried(first: UrdfJoint) -> list[str]:
+        return sorted(other.kind for other in tree.joints.values() if first in tree.path(other.child))
+
+    branches = [(mine, other) for mine, other in zip(own, arms) if mine is not other]
+    return bool(branches) and carried(branches[0][0]) == carried(branches[0][1])
 
 
 def _span(arm: Arm, shapes: list[ET.Element], frame: pin.Frame) -> tuple[float, float] | None:

@@ -26,9 +26,10 @@ def with_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
     limits = _read(Path(given.file).expanduser(), at)
     others = [name for name in limits if name not in tree.joints]
     found: dict[str, dict[str, Any]] = {}
-    for name in filter(tree.joints.__contains__, limits):
-        for kind, value in _stated(limits[name]).items():
-            found.setdefault(kind, {})[name] = value
+    for name, entry in limits.items():
+        if name in tree.joints:
+            for kind, value in _stated(entry).items():
+                found.setdefault(kind, {})[name] = value
     if not found:
         raise RobotError(
             f"{at} has limits for {listed(others) or 'no joint'}, none of which is in "

@@ -232,7 +232,8 @@ def _in_other_units(
         values = dict[str, Any]()
         for x in (x for x in joints if least < size[x] < math.inf):
             value = [limit / x.reduction if geared else factor * limit for limit in own[x]]
-            vars(found[x.name]).update(zip(_SIDES[kind], value))
+            for side, limit in zip(_SIDES[kind], value):
+                setattr(found[x.name], side, limit)
             values[x.name] = (value if len(value) > 1 else value[0]) if max(value) <= largest else FILL_IN
         right = suggest_by_joint(f"limits.{kind}", values, given)
         said.append(

@@ -13,13 +13,13 @@ from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import Arm, FilePlane
 from sidegan.robot.setup import Mount
+from sidegan.robot.thresholds import UPRIGHT
 from sidegan.robot.tree import TURNING, UrdfJoint
 from sidegan.robot.units import meant_in_degrees
 
 GRAVITY = 9.81  # [m/s²]
 _AXIS = (1e-6, 1e6)  # lengths of an axis that can be normalised
 _WORLD = "sidegan_world"
-_STANDING = 0.7  # cosine of the largest tilt of a base that counts as standing
 _STRAIGHT = 0.05  # [rad] within which a direction is taken for an axis
 _ROUNDING = 1e-9
 
@@ -102,7 +102,7 @@ def rotate_planes(planes: Sequence[FilePlane], mount: Mount) -> tuple[FilePlane,
 
 def stands(arm: Arm) -> bool:
     """Whether an arm's base is upright, not hanging or on a wall."""
-    return float(from_rpy(arm.mount)[2, 2]) >= _STANDING
+    return float(from_rpy(arm.mount)[2, 2]) >= UPRIGHT
 
 
 def in_base(arm: Arm, vector: Array) -> Array:

@@ -23,7 +23,7 @@ class Limits:
     def of_joints(self, names: Iterable[str]) -> "Limits":
         """The same limits, with single numbers expanded to all joints."""
         joints = list(names)
-        changed = dict[str, Any]()
+        changed: dict[str, Any] = {}
         for kind, value in vars(self).items():
             if isinstance(value, int | float):
                 changed[kind] = dict.fromkeys(joints, (-value, value) if kind == "position" else value)

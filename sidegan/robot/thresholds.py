@@ -32,4 +32,5 @@ ALIKE_LINKS = 1e-6  # relative tolerance of equal masses and inertias
 LARGE_SHAPE, LARGE_BASE, LARGE_AT_LEAST, SMALL_MESH = 5.0, 50.0, 3.0, 0.002
 FALSE_COLLISIONS = 0.01  # of the configurations in which hulls of two links may collide falsely
 
+UPRIGHT = 0.7  # cosine of the largest tilt of a base that stands, or of a plane that is a floor
 WIDER_LIMIT = 1e-3  # relative tolerance of limits wider than the description's

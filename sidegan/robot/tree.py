@@ -94,10 +94,10 @@ class Tree:
         Not the world, nor a fixed link behind one without a shape: they may be a pillar or a wall.
         """
         found = set()
-        for link in filter(shaped.__contains__, self.links):
+        for link in self.links:
             path = self.path(link)
             before = [joint.parent for joint in path if joint.parent in shaped]
-            if not before:
+            if link not in shaped or not before:
                 continue
             still = all(joint.kind == "fixed" for joint in self.path(before[-1]))
             moves = any(joint.kind != "fixed" for joint in path)

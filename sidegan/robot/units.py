@@ -51,10 +51,8 @@ def transmissions(root: ET.Element, joint_names: Sequence[str]) -> Array:
     """Matrix, (J, J), of joints' positions from their motors', as transmissions of ros_control state it."""
     matrix = np.eye(len(joint_names))
     for element in root.iter("transmission"):
-        joints, motors = (
-            sorted(element.findall(tag), key=lambda x: x.get("role", "") + x.findtext("role", ""))
-            for tag in ("joint", "actuator")
-        )
+        joints = sorted(element.findall("joint"), key=_role)
+        motors = sorted(element.findall("actuator"), key=_role)
         at = [joint_names.index(name) for x in joints if (name := x.get("name", "")) in joint_names]
         gears, drives = [*map(_reduction, joints)], [*map(_reduction, motors)] or [1.0] * len(joints)
         kind = element.findtext("type", "") + element.findtext("plugin", "")
@@ -66,6 +64,11 @@ def transmissions(root: ET.Element, joint_names: Sequence[str]) -> Array:
         if len(at) == len(joints) == len(drives):
             matrix[np.ix_(at, at)] = shape / np.outer(gears, drives)
     return matrix
+
+
+def _role(element: ET.Element) -> str:
+    """The role of a joint or a motor in a transmission, such as joint1."""
+    return element.get("role", "") + element.findtext("role", "")
 
 
 def _reduction(element: ET.Element) -> float:

@@ -65,7 +65,8 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
             _put(link, "inertial", inertials.get(name))
     if drives is not None:
         for k, name in enumerate(arm.joint_names):  # no reader takes less than 0
-            damping, coulomb = (repr(max(float(x[k]), 0.0)) for x in (drives.viscous, drives.coulomb))
+            damping = repr(max(float(drives.viscous[k]), 0.0))
+            coulomb = repr(max(float(drives.coulomb[k]), 0.0))
             _put(joints[name], "dynamics", ET.Element("dynamics", damping=damping, friction=coulomb))
     with replacing(path) as draft:
         ET.ElementTree(root).write(draft, encoding="utf-8", xml_declaration=True)

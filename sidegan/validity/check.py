@@ -85,11 +85,17 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validit
         search = MarginSearch(constraints, trajectory, part)
         search.run()
         found.append(search.smallest)
-    whole = [np.concatenate(tables) for tables in zip(*found)]
-    margins, elements, times = (
-        {name: table[:, CONSTRAINTS.index(name)] for name in constraints.labels} for table in whole
+    margins = np.concatenate([part.margin for part in found])
+    elements = np.concatenate([part.element for part in found])
+    times = np.concatenate([part.time for part in found])
+    column = {name: CONSTRAINTS.index(name) for name in constraints.labels}
+    return Validity(
+        valid=np.all(margins >= 0, 1),
+        margins={name: margins[:, k] for name, k in column.items()},
+        elements={name: elements[:, k] for name, k in column.items()},
+        times={name: times[:, k] for name, k in column.items()},
+        labels=constraints.labels,
     )
-    return Validity(np.all(whole[0] >= 0, 1), margins, elements, times, constraints.labels)
 
 
 def require_straight(constraints: Constraints, start: Sequence[float], end: Sequence[float]) -> None:

@@ -92,7 +92,7 @@ def describe_placeholder_limits(arm: Arm) -> str:
     turns = ~arm.prismatic
     span = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
     alike = (span[:, None] == span[turns]).sum(1) > 1
-    most = {kind: np.where(turns, *(row[0] for row in rows)) for kind, rows in LIMITS.items()}
+    most = {kind: np.where(turns, turning[0], sliding[0]) for kind, (turning, sliding) in LIMITS.items()}
     kinds = {
         "position": (span, (span > most["position"]) | (turns & alike & (span > TURN))),
         "velocity": (arm.velocity_limit, (arm.velocity_limit > most["velocity"]) | _motors(arm)),

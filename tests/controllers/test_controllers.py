@@ -261,7 +261,7 @@ def test_high_holding_torque_along_the_way_is_accepted(planar, share, use):
 @pytest.mark.parametrize(
     ("names", "make", "ends"),
     [
-        (["collision of", "controllers.start"], None, FOLDED),
+        (["keep_out of", "controllers.start"], None, FOLDED),
         (
             ["torque of shoulder"],
             lambda arm: replace(arm, torque_limit=0.01 * arm.torque_limit),

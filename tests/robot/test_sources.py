@@ -210,10 +210,10 @@ WELD, CONNECT = (
 )
 ANCHOR, OFF = "anchor='0 0 .4'", "anchor='0 0 .4' active='false'"
 TIED = [  # an MJCF, what is said of it, and the setup with which it loads
-    (driven('<motor name="m" tendon="belt" ctrlrange="-6 6"/>', BELT), "m acts on tendon belt", "effort"),
-    (driven('<motor name="m" site="end" ctrlrange="-6 6"/>'), "actuator m acts on sites", "effort"),
-    (driven("", CONNECT.format("bar", "c", ANCHOR), BAR), "equality_0 (bar, c) ties jb, jc", "locked"),
-    (driven("", WELD.format("c")), "(c, world) ties ja, jb, jc, which is not modelled; delete it", None),
+    (driven('<motor name="m" tendon="belt" ctrlrange="-6 6"/>', BELT), "tendon belt", "effort"),
+    (driven('<motor name="m" site="end" ctrlrange="-6 6"/>'), "actuator m", "effort"),
+    (driven("", CONNECT.format("bar", "c", ANCHOR), BAR), "equality_0 (bar, c)", "locked"),
+    (driven("", WELD.format("c")), "ja, jb, jc", None),
     (driven('<motor tendon="belt"/>', BELT), "", "all"),  # its force has no limit
     (driven('<motor tendon="grip" ctrlrange="-6 6"/>', GRIP), "", "all"),
     (driven("", CONNECT.format("finger", "thumb", ANCHOR)), "", "all"),
@@ -227,7 +227,7 @@ def test_ties_and_motors_on_several_joints_are_refused_until_the_user_says_more(
     (tmp_path / "arm.xml").write_text(text)
     plain = Setup(tip="c", limits=Limits(velocity=1.0))
     if said:
-        with pytest.raises(RobotError, match=re.escape(said)):
+        with refused(RobotError, said):
             load_robot(tmp_path / "arm.xml", plain)
     if way is not None:
         limits = Limits(velocity=1.0, effort=WAYS["effort"] if way == "effort" else None)
