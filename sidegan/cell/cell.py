@@ -32,7 +32,7 @@ class Cell:
     """An arm in its cell: description, surroundings, effort and home position.
 
     Everything not given gets a default, which ``notes`` explains. Properties are computed on first access,
-    and raise then; settings cannot be changed afterwards. Units are SI, joints are in the order of the
+    and raise then: make a new cell for other settings. Units are SI, joints are in the order of the
     description.
 
     Args:

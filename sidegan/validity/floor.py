@@ -17,7 +17,7 @@ from sidegan.validity.regions import Plane, tables
 from sidegan.validity.thresholds import STANDING_SHARE
 
 _STEPS = 1_000  # per metre: heights are rounded down to whole millimetres
-_ROUNDING = 1e-3  # of a step, for rounding errors
+_STEP_ROUNDING = 1e-3  # of a step, for rounding errors
 
 
 @lru_cache(maxsize=16)
@@ -28,7 +28,7 @@ def floor_under(arm: Arm) -> Plane | None:
     lowest point is on another limb like it, which is locked somewhere.
     """
     lowest, _, link = foot(arm)
-    floor = Plane((0.0, 0.0, 1.0), math.floor(lowest * _STEPS + _ROUNDING) / _STEPS)
+    floor = Plane((0.0, 0.0, 1.0), math.floor(lowest * _STEPS + _STEP_ROUNDING) / _STEPS)
     limb = bool(link) and like_the_arm(arm, link)
     return floor if stands(arm) and not limb and _leaves(arm, floor) else None
 
