@@ -15,7 +15,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm, Capsules, Drives
 from sidegan.validity import Constraints
 from sidegan.validity.pairs import pairs_of
-from sidegan.validity.regions import Region
+from sidegan.validity.regions import Obstacle
 from tests.oracle import chain_model
 
 
@@ -107,7 +107,7 @@ def driven(arm: Arm, seed: int = 0, scale: float = 1.0) -> Arm:
 
 
 def constrained(
-    arm: Arm, regions: Sequence[Region], torque: bool = True, clearance: float = 0.0
+    arm: Arm, regions: Sequence[Obstacle], torque: bool = True, clearance: float = 0.0
 ) -> Constraints:
     """A random arm among regions; an arm that never leaves one of them is no example."""
     try:

@@ -1,7 +1,7 @@
 """The arm in its cell, with defaults for what the user does not set."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array, numbers
 from sidegan.base.storage import path_of
-from sidegan.base.typed import NonNegative, Number, Part, Seconds, Size, build, settings_of
-from sidegan.cell import notes
+from sidegan.base.typed import build, settings_of
+from sidegan.cell.notes import describe_decisions, describe_doubts
+from sidegan.cell.settings import Choices
 from sidegan.cell.workspace import Workspace
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError, ShapeError
@@ -27,29 +28,11 @@ _SAMPLES = 60  # time points per period of an optimisation
 _SAME = 1e-9  # [rad or m] tolerance of home in the middle of the limits
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrajectoryFamily:
-    """Settings of the short cyclic trajectories."""
-
-    harmonics: Size = 6
-    period: Seconds = 16.0  # [s]
-    home: list[Number] | None = None  # [rad or m]; null: the description's, zeros, or a position found
-
-
-@dataclass(frozen=True, kw_only=True)
-class Choices(TrajectoryFamily):
-    """What a user may choose of a cell, and the defaults."""
-
-    # share of velocity and torque limits to use; null: 0.8, or 1 if that would hardly hold the arm
-    effort: Part | None = None
-    clearance: NonNegative | None = None  # [m]; null: the workspace's
-
-
 class Cell:
     """An arm in its cell: description, surroundings, effort and home position.
 
     Everything not given gets a default, which ``notes`` explains. Properties are computed on first access,
-    and raise then; settings cannot be changed afterwards. Units are SI, joints are in the order of the
+    and raise then: make a new cell for other settings. Units are SI, joints are in the order of the
     description.
 
     Args:
@@ -79,12 +62,6 @@ class Cell:
         ConfigError: when a setting is unknown or out of range; names it.
     """
 
-    robot: str
-    setup: Setup
-    choices: Choices
-    workspace: Workspace
-    _description: str
-
     def __init__(
         self,
         robot: str | Path,
@@ -101,17 +78,14 @@ class Cell:
         if isinstance(setup.get("limits"), str | Path):
             setup["limits"] = {"file": setup["limits"]}
         own = {"home": home, "effort": effort, "clearance": clearance}
-        choices = build(Choices, {**own, "harmonics": harmonics, "period": period})
-        around = settings_of(Workspace, workspace)
-        if choices.clearance is not None:
-            around = replace(around, clearance=choices.clearance)
+        self.robot = str(robot)
+        self.setup = build(Setup, setup)
+        self.choices = build(Choices, {**own, "harmonics": harmonics, "period": period})
+        self.workspace = settings_of(Workspace, workspace)
+        if self.choices.clearance is not None:
+            self.workspace = replace(self.workspace, clearance=self.choices.clearance)
         # The same file for each use, wherever the process goes in between.
-        description = str(path.absolute()) if path.is_file() else str(robot)
-        vars(self).update(robot=str(robot), setup=build(Setup, setup), choices=choices, workspace=around)
-        vars(self).update(_description=description)
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise ConfigError(f"{name} of a cell cannot be changed: make a new sidegan.Cell")
+        self._description = str(path.absolute()) if path.is_file() else self.robot
 
     def __repr__(self) -> str:
         return f"Cell({self.robot!r}, harmonics={self.choices.harmonics}, period={self.choices.period:g})"
@@ -150,11 +124,14 @@ class Cell:
         """The arm with its velocity and torque limits scaled by the effort."""
         return with_effort(self.whole_arm, self.effort)
 
-    @cached_property
+    @property
     def effort(self) -> float:
         """Share of the velocity and torque limits to use."""
-        given = self.choices.effort
-        return usual_effort(self.whole_arm, self.choices.home) if given is None else given
+        return self._usual_effort if self.choices.effort is None else self.choices.effort
+
+    @cached_property
+    def _usual_effort(self) -> float:
+        return usual_effort(self.whole_arm, self.choices.home)
 
     @cached_property
     def _home(self) -> Sequence[float] | None:
@@ -204,12 +181,15 @@ class Cell:
     @property
     def warnings(self) -> list[str]:
         """Sentences on what is suspicious in the description."""
-        return list(filter(None, notes.doubts(self)))
+        return describe_doubts(self.whole_arm, self.workspace, self.constraints)
 
     @property
     def notes(self) -> list[str]:
         """Sentences on the description's joints, defaults, and what trajectories are checked for."""
-        return list(filter(None, [described(self.whole_arm), *notes.decisions(self)]))
+        decisions = describe_decisions(
+            self.arm, self.workspace, self.constraints, self.choices, self.home, self.effort
+        )
+        return [*filter(None, [described(self.whole_arm)]), *decisions]
 
     def check(self, coefficients: ArrayLike) -> Validity:
         """Validity of short trajectories [rad/s], (B, J, H, 2), over their whole period.

@@ -1,12 +1,17 @@
 """Warnings about an arm's description, and notes on defaults of its cell."""
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+
+import numpy as np
 
 from sidegan.base.names import counted, listed
-from sidegan.robot import describe_doubtful_links, describe_placeholder_links, doubtful_links
+from sidegan.base.settings_text import FILL_IN, suggest_touching, suggestion
+from sidegan.cell.settings import Choices
+from sidegan.cell.thresholds import FAR_REGION
+from sidegan.cell.workspace import Workspace
+from sidegan.robot import Arm, describe_doubtful_links, describe_placeholder_links, doubtful_links
 from sidegan.robot.arm import length_of
-from sidegan.robot.setup import allowed
+from sidegan.validity import Constraints
 from sidegan.validity.pairs import describe_displaced_shapes, mostly_touching
 from sidegan.validity.regions import distance
 from sidegan.validity.remedies import (
@@ -15,85 +20,109 @@ from sidegan.validity.remedies import (
     describe_weak_limits,
 )
 
-if TYPE_CHECKING:
-    from sidegan.cell.cell import Cell
 
-_FAR = 10.0  # reaches of the arm
-
-
-def doubts(cell: "Cell") -> Iterator[str]:
-    """Sentences on what is suspicious in the description; some are empty."""
-    arm, constraints = cell.arm, cell.constraints
-    yield describe_placeholder_limits(cell.whole_arm)
-    if cell.workspace.torque:
-        yield describe_weak_limits(cell.whole_arm)
-        yield describe_excessive_friction(cell.whole_arm)
-    yield _far_regions(cell)
-    if touching := mostly_touching(constraints.arm):
-        pairs = listed([f"{' – '.join(links)} in {share:.0%}" for links, share in touching.items()])
-        yield (
-            f"links that touch in most configurations: {pairs}; correct their shapes or, if contact "
-            f"is expected, leave them unchecked by {allowed(touching, arm.setup.may_touch)}"
+def describe_doubts(arm: Arm, workspace: Workspace, constraints: Constraints) -> list[str]:
+    """Sentences on what is suspicious in the description of an arm, which has its full limits here."""
+    found = [describe_placeholder_limits(arm)]
+    if workspace.torque:
+        found += [describe_weak_limits(arm), describe_excessive_friction(arm)]
+    found += [_far_regions(arm, workspace, constraints), _touching(constraints.arm)]
+    found += [describe_displaced_shapes(arm), *_doubtful_masses(arm)]
+    if constraints.arm.capsules.only_points:
+        found.append(
+            f"{arm.name} has no moving collision shapes: only its joint origins are kept out of regions"
         )
-    yield describe_displaced_shapes(arm)
+    return list(filter(None, found))
+
+
+def _far_regions(arm: Arm, workspace: Workspace, constraints: Constraints) -> str:
+    """A sentence on regions of the user that are far out of reach; empty if there are none."""
+    own = len(workspace.regions or [])
+    regions = constraints.regions[len(constraints.regions) - own :]
+    reach = length_of(vars(arm))
+    apart = {k: distance(region, arm.translation[0]) for k, region in enumerate(regions)}
+    far = [f"workspace.regions[{k}] is {x:.3g} m away" for k, x in apart.items() if x > FAR_REGION * reach]
+    return f"{listed(far)}, and {arm.name} reaches {reach:.2g} m: are these millimetres?" if far else ""
+
+
+def _touching(arm: Arm) -> str:
+    """A sentence on links that mostly touch; empty if there are none."""
+    touching = mostly_touching(arm)
+    if not touching:
+        return ""
+    pairs = listed([f"{' – '.join(links)} in {share:.0%}" for links, share in touching.items()])
+    return (
+        f"links that touch in most configurations: {pairs}; correct their shapes or, if contact "
+        f"is expected, leave them unchecked by {suggest_touching(touching, arm.setup.may_touch)}"
+    )
+
+
+def _doubtful_masses(arm: Arm) -> list[str]:
+    """Sentences on masses that cannot be, or that are placeholders."""
+    found = []
     masses = describe_doubtful_links(arm)
     if masses and not arm.inertial_parameters.any():
-        yield f"{masses}; torques are unknown: torque limits are not checked, peaks are not shown"
+        found.append(f"{masses}; torques are unknown: torque limits are not checked, peaks are not shown")
     elif masses:
         last = max(map(arm.link_names.index, doubtful_links(arm)))
         moved = listed(arm.joint_names[: last + 1])
-        yield f"{masses}; real torques of {moved} may differ greatly from those checked and shown"
+        found.append(f"{masses}; real torques of {moved} may differ greatly from those checked and shown")
     if placeholders := describe_placeholder_links(arm):
-        yield (
+        objective = suggestion("goal.objective", "condition")
+        found.append(
             f"{placeholders}: torques, torque limits, energies and expected uncertainties mean "
-            "nothing until a model is identified; goal.objective=condition needs no masses"
+            f"nothing until a model is identified; {objective} needs no masses"
         )
-    if constraints.arm.capsules.only_points:
-        yield f"{arm.name} has no moving collision shapes: only its joint origins are kept out of regions"
+    return found
 
 
-def _far_regions(cell: "Cell") -> str:
-    """A sentence on regions of the user that are far out of reach; empty if there are none."""
-    own = len(cell.workspace.regions or [])
-    regions = cell.constraints.regions
-    reach = length_of(vars(cell.whole_arm))
-    base = cell.whole_arm.translation[0]
-    apart = {k: distance(region, base) for k, region in enumerate(regions[len(regions) - own :])}
-    far = [f"workspace.regions[{k}] is {x:.3g} m away" for k, x in apart.items() if x > _FAR * reach]
-    return f"{listed(far)}, and {cell.arm.name} reaches {reach:.2g} m: are these millimetres?" if far else ""
+def describe_decisions(
+    arm: Arm,
+    workspace: Workspace,
+    constraints: Constraints,
+    choices: Choices,
+    home: Sequence[float],
+    effort: float,
+) -> list[str]:
+    """Sentences on defaults, and on what trajectories are checked for.
+
+    ``arm`` is limited by the effort, a share of its limits; ``home`` is (J,) [rad or m].
+    """
+    found = [workspace.notes(arm)]
+    if choices.home is None and (any(home) or arm.home is not None):
+        found.append(_home(arm, home))
+    if choices.effort is None:
+        why = "" if effort < 1 else ", since less might not hold the arm up"
+        share = f"{effort:.0%} of the velocity and torque limits{why}"
+        found.append(f"effort: {share}; {suggestion('robot.effort', FILL_IN)} changes it")
+    if constraints.torque and arm.setup.friction:
+        found.append(_friction(arm, effort))
+    if workspace.clearance is None and not constraints.arm.capsules.only_points:
+        change = suggestion("workspace.clearance", FILL_IN)
+        found.append(f"kept clear: {constraints.kept_clear}; {change} changes it")
+    return [*filter(None, found), f"checked: {constraints.described()}"]
 
 
-def decisions(cell: "Cell") -> Iterator[str]:
-    """Sentences on defaults, and on what trajectories are checked for; some are empty."""
-    arm, constraints = cell.arm, cell.constraints
-    yield cell.workspace.notes(arm)
-    if cell.choices.home is None and (any(cell.home) or arm.home is not None):
-        place = ", ".join(f"{x:g}" for x in cell.home)
-        own = arm.home
-        if own is not None and tuple(own) == cell.home:
-            why = "home is the rest position of the description:"
-        else:
-            why = f"{'zero' if own is None else 'the rest position'} is not a feasible home; home is"
-        yield f"{why} {place}; trajectory.home=… changes it"
-    if cell.choices.effort is None:
-        why = "" if cell.effort < 1 else ", since less might not hold the arm up"
-        share = f"{cell.effort:.0%} of the velocity and torque limits{why}"
-        yield f"effort: {share}; robot.effort=… changes it"
-    yield _friction(cell)
-    if cell.workspace.clearance is None and not constraints.arm.capsules.only_points:
-        yield f"kept clear: {constraints.kept_clear}; workspace.clearance=… changes it"
-    yield f"checked: {constraints.described()}"
+def _home(arm: Arm, home: Sequence[float]) -> str:
+    """A sentence on a home (J,) [rad or m] that the user did not set."""
+    own = arm.home
+    if own is not None and tuple(own) == tuple(home):
+        why = "home is the rest position of the description:"
+    else:
+        why = f"{'zero' if own is None else 'the rest position'} is not a feasible home; home is"
+    place = ", ".join(f"{x:g}" for x in home)
+    return f"{why} {place}; {suggestion('trajectory.home', FILL_IN)} changes it"
 
 
-def _friction(cell: "Cell") -> str:
-    """A sentence on friction and rotors in the check of torque limits; empty if there is no such check."""
-    if not cell.constraints.torque or not cell.setup.friction:
-        return ""
-    if cell.arm.drives is None:
-        free = f"{1 - cell.effort:.0%} of the torque limits in reserve must cover it"
-        return f"the description has no friction: the {free}" if cell.effort < 1 else ""
-    viscous, dry, rotors = (int((x > 0).sum()) for x in vars(cell.arm.drives).values())
+def _friction(arm: Arm, effort: float) -> str:
+    """A sentence on friction and rotors in the check of torque limits; empty if all of these are used."""
+    if arm.drives is None:
+        free = f"{1 - effort:.0%} of the torque limits in reserve must cover it"
+        return f"the description has no friction: the {free}" if effort < 1 else ""
+    viscous = np.count_nonzero(arm.drives.viscous)
+    dry = np.count_nonzero(arm.drives.coulomb)
+    rotors = int(np.count_nonzero(arm.drives.rotor_inertia))
     return (
         f"torques include the description's damping of {viscous}, friction of {dry} and armature "
-        f"of {counted(rotors, 'joint')}; robot.friction=false leaves them out"
+        f"of {counted(rotors, 'joint')}; {suggestion('robot.friction', False)} leaves them out"
     )

@@ -11,12 +11,15 @@ import numpy as np
 
 from sidegan import validity
 from sidegan.base.names import counted
+from sidegan.base.settings_text import FILL_IN, suggestion
 from sidegan.base.storage import file_digest
 from sidegan.base.typed import NonNegative, Number, Positive
+from sidegan.cell.thresholds import KEPT_SHARE, USUAL_CLEARANCES
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, is_built_in
 from sidegan.robot.meshes import metres_per_unit, read_mesh
 from sidegan.robot.placement import from_rpy, stands
+from sidegan.robot.thresholds import UPRIGHT
 from sidegan.robot.units import meant_in_degrees
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
@@ -25,13 +28,8 @@ from sidegan.validity.pairs import Links, usual_room
 
 Point = tuple[Number, Number, Number]
 
-_UPWARDS = 0.7  # cosine of the largest tilt of a floor
-_DROPPED = "workspace=free removes it"
-_STATED = "'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {}}}}}]'"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
-_USUALLY = (0.02, 0.01, 0.005)  # [m] default clearances: the first that leaves room applies, or else none
-_KEPT = 2 / 3  # largest share of the available distance to keep; the rest is room to move
-_BESIDE = 1 / _KEPT - 1  # that room as a share of the kept distance
+_BESIDE = 1 / KEPT_SHARE - 1  # room to move beside a kept distance, as a share of it
 _STEPS = 1e3  # per metre; kept distances are whole steps
 
 
@@ -90,7 +88,7 @@ class Region:
         return [shape for field in fields(self) if (shape := getattr(self, field.name)) is not None]
 
     @property
-    def shape(self) -> validity.Region:
+    def shape(self) -> validity.Obstacle:
         """The region as the check takes it."""
         (shape,) = self._given
         return shape.shape if isinstance(shape, Cylinder | Mesh) else shape
@@ -137,7 +135,7 @@ class Workspace:
         """Whether an upward plane among the configured regions replaces the floor."""
         return any(region.plane is not None and _is_floor(region.plane) for region in self.regions or [])
 
-    def shapes(self, arm: Arm) -> list[validity.Region]:
+    def shapes(self, arm: Arm) -> list[validity.Obstacle]:
         """Regions as the check takes them; ConfigError for an unreadable file."""
         return [region.shape for region in self.given(arm)]
 
@@ -154,18 +152,19 @@ class Workspace:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
         if arm.capsules.only_points:  # distances between points mean nothing
             return Constraints(arm, shapes, self.torque)
-        room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
+        usual = USUAL_CLEARANCES[0]
+        room = dict(usual_room(arm, usual / KEPT_SHARE))
         if home is not None:
             kept = _tight(room)  # so that pairs count that are close only with the clearance
-            there = Constraints(arm, apart=_USUALLY[0], tight=kept).distances_at(np.array(home, float))
+            there = Constraints(arm, apart=usual, tight=kept).distances_at(np.array(home, float))
             room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}
         tight = _tight(room)
-        for clearance in _USUALLY:
+        for clearance in USUAL_CLEARANCES:
             with suppress(InfeasibleError):
-                found = Constraints(arm, shapes, self.torque, clearance, _USUALLY[0], tight)
+                found = Constraints(arm, shapes, self.torque, clearance, usual, tight)
                 if home is None or found.keeps_out(home, _BESIDE):
                     return found
-        return Constraints(arm, shapes, self.torque, 0.0, _USUALLY[0], tight)
+        return Constraints(arm, shapes, self.torque, 0.0, usual, tight)
 
     def home_of(self, arm: Arm) -> tuple[float, ...] | None:
         """The described home [rad or m], (J,), if feasible, or one with room to move; None for zeros.
@@ -181,7 +180,7 @@ class Workspace:
         around = self.around(arm)
         if self.clearance is not None or around.arm.capsules.only_points:
             return default_home(around)
-        for most in _USUALLY:  # the largest clearance that leaves room anywhere
+        for most in USUAL_CLEARANCES:  # the largest clearance that leaves room anywhere
             with suppress(InfeasibleError):
                 clearance = min(most, around.clearance)
                 kept = Constraints(around.arm, around.regions, self.torque, clearance, most, around.tight)
@@ -211,26 +210,33 @@ class Workspace:
 
 def _tight(room: Mapping[Links, float]) -> dict[Links, float]:
     """What to keep [m] between links that have only so much room [m]."""
-    return {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
+    return {links: math.floor(KEPT_SHARE * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
 
 
 def _is_floor(plane: Plane) -> bool:
     """Whether a plane faces up."""
-    return plane.unit[2] > _UPWARDS
+    return plane.unit[2] > UPRIGHT
 
 
 def _floor_note(arm: Arm, own: Sequence[Plane]) -> str:
     """Note on an arm's floor, and the setting that changes it; ``own`` are the description's floors."""
+    without = f"{suggestion('workspace', 'free')} removes it"
     if own:
-        return f"floor at z = {max(plane.offset for plane in own):g} m, from the description; {_DROPPED}"
+        return f"floor at z = {max(plane.offset for plane in own):g} m, from the description; {without}"
     floor = floor_under(arm)
     if floor is None and stands(arm):
         why = f"{arm.name} nearly always reaches below what it stands on, or another limb like it is lowest"
-        return f"no floor: {why}; {_STATED.format('…')} states its height"
+        return f"no floor: {why}; {_floor_setting(FILL_IN)} states its height"
     if floor is None:
         return f"no floor: {arm.name} does not stand upright; set keep-out regions by workspace.regions"
+    height = f"floor at z = {floor.offset:g} m"
     if floor_is_known(arm):
-        return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; {_DROPPED}"
+        return f"{height}, which {arm.name} stands on; {without}"
     guess = f"a guess, since no visual or mesh shows what {arm.name} stands on"
-    at = floor.offset
-    return f"floor at z = {at:g} m, {guess}: {_STATED.format(f'{at:g}')} states its height; {_DROPPED}"
+    return f"{height}, {guess}: {_floor_setting(floor.offset)} states its height; {without}"
+
+
+def _floor_setting(height: float | str) -> str:
+    """The setting for a message that states a floor's height [m]."""
+    plane = {"normal": [0, 0, 1], "offset": height}
+    return suggestion("workspace.regions", [{"plane": plane}], "g")

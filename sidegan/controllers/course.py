@@ -4,21 +4,19 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
+from sidegan.base.settings_text import FILL_IN, suggestion
+from sidegan.controllers.settings import ExportSettings
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints
 from sidegan.validity.check import require_straight
-
-if TYPE_CHECKING:
-    from sidegan.controllers.export import ExportSettings
 
 # Points per period of the highest harmonic. Quintic interpolation of position, velocity and acceleration then
 # deviates by 3e-8 of the harmonic's amplitude, (2π/20)⁶ / 46080, and linear interpolation by 1.3 %,
@@ -94,21 +92,25 @@ def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course
     """
     waiting = np.linspace(0, pause, max(1, round(pause * rate)) + 1)[1:] if pause else np.empty(0)
 
-    def joined(one: Course, other: Course) -> Course:
+    def join(one: Course, other: Course) -> Course:
         apart = float(np.abs(one.position[-1] - other.position[0]).max())
         if other.joint_names != one.joint_names or apart > _MET:
             raise ShapeError(f"consecutive courses must meet: their ends are {apart:.3g} rad or m apart")
-        begin, still = one.time[-1], np.zeros((len(waiting), len(other.joint_names)))
-        time = np.concatenate([one.time, begin + waiting, begin + pause + other.time[1:]])
-        between = zip(STATES, (still + other.position[0], still, still))
-        parts = ([getattr(one, name), x, getattr(other, name)[1:]] for name, x in between)
-        return Course(one.joint_names, time, *map(np.concatenate, parts))
+        end = one.time[-1]
+        still = np.zeros((len(waiting), len(other.joint_names)))
+        return Course(
+            one.joint_names,
+            time=np.concatenate([one.time, end + waiting, end + pause + other.time[1:]]),
+            position=np.concatenate([one.position, still + other.position[0], other.position[1:]]),
+            velocity=np.concatenate([one.velocity, still, other.velocity[1:]]),
+            acceleration=np.concatenate([one.acceleration, still, other.acceleration[1:]]),
+        )
 
-    return reduce(joined, courses)
+    return reduce(join, courses)
 
 
 def approach(
-    constraints: Constraints, start: Sequence[float], home: Sequence[float], settings: "ExportSettings"
+    constraints: Constraints, start: Sequence[float], home: Sequence[float], settings: ExportSettings
 ) -> Course:
     """A course along the straight line in joint space between two configurations [rad or m].
 
@@ -143,7 +145,8 @@ def approach(
         raise InfeasibleError(
             f"the path from controllers.start to home takes {duration:.0f} s with {use:.0%} of the limits of "
             f"{arm.joint_names[int(needed.argmax())]}, at {settings.speed:.0%} of the speed; "
-            f"controllers.longest={math.ceil(duration)} allows that, controllers.careful=… sets the share; "
+            f"{suggestion('controllers.longest', math.ceil(duration))} allows that, "
+            f"{suggestion('controllers.careful', FILL_IN)} sets the share; "
             f"or {_CLOSER}"
         )
     return _quintic(arm, ends, duration, np.linspace(0, 1, _POINTS + 1))
@@ -173,7 +176,7 @@ def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
             raise InfeasibleError(
                 f"the straight path needs too much torque at any speed and controllers.careful: "
                 f"{arm.joint_names[joint]} needs {float(used[row, joint]):.1%} of its limit just to hold the "
-                f"arm; allow more by robot.effort=…, or {_CLOSER}"
+                f"arm; allow more by {suggestion('robot.effort', FILL_IN)}, or {_CLOSER}"
             )
         moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
         moving = moving + drives.rotor_inertia * unit.acceleration

@@ -20,7 +20,7 @@ from sidegan.kernels.dynamics import PenaltyLimits
 from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.operations import columns_of_links, share
-from sidegan.validity.constraints import NAMES
+from sidegan.validity.constraints import CONSTRAINTS
 
 _KINDS = {
     "condition": goals.CONDITION,
@@ -220,7 +220,7 @@ def evaluator(problem: Problem) -> Callable[[Array], Array]:
     limit.
     """
     objective = Objective(problem, Goal())
-    kept = [0, *(1 + NAMES.index(name) for name in problem.constraints.labels)]
+    kept = [0, *(1 + CONSTRAINTS.index(name) for name in problem.constraints.labels)]
 
     def evaluate(c: Array) -> Array:
         numbers = np.empty((len(c), kernel.NUMBERS))

@@ -16,6 +16,7 @@ from omegaconf import DictConfig
 from sidegan.base.names import plain
 from sidegan.base.parallel import Job, on_cluster, run_jobs
 from sidegan.base.progress import duration
+from sidegan.base.settings_text import command_messages
 from sidegan.base.storage import read_json, write_json
 from sidegan.errors import ConfigError, SideganError, StorageError
 from sidegan.pipeline.artifact import Artifact
@@ -124,6 +125,7 @@ def _record(artifact: Artifact, run: "RunContext", tracker: Tracker) -> None:
     _log.info("%s%s: %s", title, when, ", ".join(texts))
 
 
+@command_messages()
 def run_job(cfg: DictConfig, run_folder: Path, name: str, overrides: Sequence[str] = ()) -> int:
     """Call ``run_stages`` with composed settings; log and save the outcome, and return the exit code."""
     from sidegan.pipeline.settings import validate

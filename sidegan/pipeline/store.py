@@ -20,6 +20,7 @@ from filelock import FileLock, Timeout
 
 from sidegan.base.parallel import Report, cpu_seconds
 from sidegan.base.progress import duration
+from sidegan.base.settings_text import command_messages
 from sidegan.base.storage import file_digest, read_json, write_json, writing
 from sidegan.base.threads import one_thread
 from sidegan.errors import ArtifactError, StorageError
@@ -100,6 +101,7 @@ class Store:
         path = self.root / "costs" / f"{artifact.folder}.json"
         return read_json(path) if path.exists() else {}
 
+    @command_messages()  # as in the process that a worker works for
     def produce(self, artifact: Artifact, report: Report = lambda done, total: None) -> Path:
         """Folder of the artifact, made unless it exists; waits for another run that is making it."""
         final = self.folder(artifact)

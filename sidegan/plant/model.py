@@ -72,12 +72,17 @@ def mujoco_model(
     import mujoco
 
     require_consistent(arm)
-    drives = Drives(*(settings.of(x, arm.joints) for x in ("viscous", "coulomb", "rotor_inertia")))
-    names = [f"link {i + 1}" for i in range(arm.joints)], [f"{i + 1}" for i in range(arm.joints)]
-    root = chain(arm, arm.inertial_parameters, drives, 1 / settings.rate, names)
+    drives = Drives(
+        viscous=settings.of("viscous", arm.joints),
+        coulomb=settings.of("coulomb", arm.joints),
+        rotor_inertia=settings.of("rotor_inertia", arm.joints),
+    )
+    links = [f"link {i + 1}" for i in range(arm.joints)]
+    joints = [f"{i + 1}" for i in range(arm.joints)]
+    root = chain(arm, arm.inertial_parameters, drives, 1 / settings.rate, (links, joints))
     if stiffness is not None and damping is not None:
         actuators = ET.SubElement(root, "actuator")
-        for joint, kp, kv, limit in zip(names[1], stiffness, damping, arm.torque_limit):
+        for joint, kp, kv, limit in zip(joints, stiffness, damping, arm.torque_limit):
             servo = {"joint": joint, "kp": words([kp]), "kv": words([kv])}
             if math.isfinite(limit):
                 servo["forcerange"] = words([-limit, limit])

@@ -36,8 +36,9 @@ def recorded(
     rate = plant.settings.rate
     clock = np.arange(round(family.period * rate)) / rate
     sos = butter(2, sensors.cutoff, fs=rate, output="sos")
-    signals = plant.follow(family.roll_out(coefficients, clock))
-    q, torque = (sosfiltfilt(sos, x, axis=1) for x in signals)  # without phase shift
+    position, torque = plant.follow(family.roll_out(coefficients, clock))
+    q = sosfiltfilt(sos, position, axis=1)  # without phase shift
+    torque = sosfiltfilt(sos, torque, axis=1)
     dq = np.gradient(q, 1 / rate, axis=1)
     ddq = np.empty_like(q)
     ddq[:, 1:-1] = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2

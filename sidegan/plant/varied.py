@@ -91,7 +91,8 @@ def torque_scale(body: RigidBody, floor: float) -> Array:
     if (limit := arm.acceleration_limit) is not None:  # infinite for a joint without one
         most = np.where(np.isfinite(limit), limit, most)
     q = random.uniform(arm.position_lower, arm.position_upper, size)
-    dq, ddq = (random.uniform(-x, x, size) for x in (speed, most))
+    dq = random.uniform(-speed, speed, size)
+    ddq = random.uniform(-most, most, size)
     rms = np.sqrt(np.square(body.torque(q, dq, ddq)).mean(0))
     return np.maximum(rms, floor * rms.max())
 
@@ -184,10 +185,10 @@ class VariedPlant:
         machines = [MjData(self.model) for _ in q]
         for machine, start, speed in zip(machines, q[:, 0], dq[:, 0]):
             machine.qpos[:], machine.qvel[:] = start, speed
-        qpos, qvel, qacc, pushes = (
-            [getattr(machine, name) for machine in machines]
-            for name in ("qpos", "qvel", "qacc", "qfrc_applied")
-        )
+        qpos = [machine.qpos for machine in machines]  # views that follow the state
+        qvel = [machine.qvel for machine in machines]
+        qacc = [machine.qacc for machine in machines]
+        pushes = [machine.qfrc_applied for machine in machines]
         out = np.empty((3, *q.shape))
         torques = np.empty((3, *q[:, 0].shape))
         motor, driven, net = torques

@@ -24,7 +24,7 @@ from sidegan.recording.gravity import (
 from sidegan.recording.recording import Segment
 from sidegan.recording.settings import RecordingSettings
 from sidegan.robot import Arm
-from sidegan.robot.placement import direction, in_base, mount_of, straightened
+from sidegan.robot.placement import describe_direction, in_base, mount_of, straightened
 
 _SAMPLES = 20_000  # enough to determine a sign
 _FEW = 2_000  # enough to detect swapped motions
@@ -134,8 +134,9 @@ class Agreement(NamedTuple):
         found, described = (straightened(in_base(arm, g)) for g in (self.load.gravity, arm.gravity))
         mount = ",".join(f"{round(x, 3) + 0.0:.4g}" for x in mount_of(None, found.tolist()))
         return (
-            f"in these torques gravity acts along {direction(found)} of the base, by the description along "
-            f"{direction(described)}: is the arm mounted like that? ('robot.mount=[{mount}]')"
+            f"in these torques gravity acts along {describe_direction(found)} of the base, by the "
+            f"description along {describe_direction(described)}: is the arm mounted like that? "
+            f"('robot.mount=[{mount}]')"
         )
 
     @property

@@ -1,5 +1,6 @@
 """Arms read from a description: placements, axes, inertias, limits and collision geometry as arrays."""
 
+from sidegan.base.settings_text import changes, command_messages, robot_settings, setting
 from sidegan.robot.arm import DERIVATIVE_ORDER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import (
     about_the_centre,
@@ -14,7 +15,7 @@ from sidegan.robot.consistency import (
 )
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
-from sidegan.robot.setup import Limits, Setup, changes, robot_settings, setting
+from sidegan.robot.setup import Limits, Setup
 from sidegan.robot.write import torque_of_urdf, write_urdf
 from sidegan.robot.write_mjcf import torque_of_mjcf, write_mjcf
 
@@ -28,6 +29,7 @@ __all__ = [
     "about_the_centre",
     "built_in_robots",
     "changes",
+    "command_messages",
     "describe_doubtful_links",
     "describe_placeholder_links",
     "doubtful_links",

@@ -6,11 +6,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 from sidegan.base.names import listed
+from sidegan.base.settings_text import setting_name, suggest_by_joint, suggestion
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import LOCKED
-from sidegan.robot.setup import Setup, override, setting
-from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree, meant
+from sidegan.robot.setup import Setup
+from sidegan.robot.tree import MOVABLE, REFUSED, Tree, UrdfJoint, similar_names
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
 _STILL = "its motion, the torque for it, and collisions elsewhere than where it stands are left out"
@@ -18,7 +19,7 @@ _MOST_TIPS = 6  # suggested in a message
 _ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
 
 
-def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float]]:
+def choose_chain(tree: Tree, setup: Setup) -> tuple[tuple[UrdfJoint, ...], dict[str, float]]:
     """The arm's joints, from the base outwards, and the positions of all others [rad or m]."""
     given = setup.locked or {}
     for name, value in given.items():
@@ -26,7 +27,7 @@ def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float
     path = _path(tree, setup)
     for joint in path or tree.joints.values():
         if joint.kind in REFUSED and joint.name not in given:
-            still = override("locked", {joint.name: 0.0}, given)
+            still = suggest_by_joint("locked", {joint.name: 0.0}, given)
             raise RobotError(
                 f"{tree.at(joint)} is {joint.kind}: {REFUSED[joint.kind]}; {still} locks it at its origin"
             )
@@ -39,10 +40,10 @@ def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float
     return moving, _fixed_positions(tree, moving, given)
 
 
-def _path(tree: Tree, setup: Setup) -> list[Joint]:
+def _path(tree: Tree, setup: Setup) -> list[UrdfJoint]:
     """All joints, of any kind, from the root to the tip."""
     if setup.tip:
-        tree.require_link(setup.tip, "robot.tip=")
+        tree.require_link(setup.tip, "robot.tip")
         return tree.path(setup.tip)
     given = setup.locked or {}
     paths = {
@@ -56,7 +57,7 @@ def _path(tree: Tree, setup: Setup) -> list[Joint]:
     return _only(tree, paths) if paths else []
 
 
-def _moves(joint: Joint) -> bool:
+def _moves(joint: UrdfJoint) -> bool:
     """Whether a joint has one degree of freedom of its own."""
     return joint.kind in MOVABLE and joint.mimic is None
 
@@ -72,7 +73,7 @@ def _mimicked_beside(tree: Tree) -> set[str]:
     return found
 
 
-def _only(tree: Tree, paths: dict[str, list[Joint]]) -> list[Joint]:
+def _only(tree: Tree, paths: dict[str, list[UrdfJoint]]) -> list[UrdfJoint]:
     """The path to the last joint; raises unless all others lie on it."""
     inner = {joint.name for path in paths.values() for joint in path[:-1]}
     ends = [name for name in paths if name not in inner]
@@ -91,7 +92,7 @@ def _only(tree: Tree, paths: dict[str, list[Joint]]) -> list[Joint]:
     )
 
 
-def _before_hand(chain: list[Joint], chains: list[list[Joint]]) -> list[Joint]:
+def _before_hand(chain: list[UrdfJoint], chains: list[list[UrdfJoint]]) -> list[UrdfJoint]:
     """The joints of a chain before its hand, several short branches behind an arm; all if there is none."""
     for k in range(_ARM, len(chain)):
         fingers = [other[k:] for other in chains if other[:k] == chain[:k]]
@@ -100,14 +101,14 @@ def _before_hand(chain: list[Joint], chains: list[list[Joint]]) -> list[Joint]:
     return chain
 
 
-def _offered(chain: list[Joint]) -> str:
+def _offered(chain: list[UrdfJoint]) -> str:
     """A choice of the arm's tip, for a message: the setting, and the joints up to there."""
     first, last = chain[0].name, chain[-1].name
     joints = f"{len(chain)} joints: {first} to {last}" if len(chain) > 1 else f"1 joint: {first}"
-    return f"{setting('robot.tip', chain[-1].child)} ({joints})"
+    return f"{suggestion('robot.tip', chain[-1].child)} ({joints})"
 
 
-def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:
+def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str, float]) -> dict[str, float]:
     """Positions of all joints that do not move [rad or m]: as given, as mimicked, or mid-range."""
     free = [joint.name for joint in moving]
     locked: dict[str, float] = {}
@@ -115,11 +116,11 @@ def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, fl
     remedies: dict[str, float] = {}  # joints to lock, and where
     ends: list[str] = []  # settings that end the arm before a joint that one behind it mimics
 
-    def middle(joint: Joint) -> float:
+    def middle(joint: UrdfJoint) -> float:
         lower, upper = tree.span(joint) or (0.0, 0.0)
         return (lower + upper) / 2 if lower < upper else 0.0
 
-    def stand(joint: Joint, followers: tuple[str, ...] = ()) -> float:
+    def stand(joint: UrdfJoint, followers: tuple[str, ...] = ()) -> float:
         if joint.name not in locked:
             if joint.name in given:
                 locked[joint.name] = given[joint.name]
@@ -129,7 +130,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, fl
                 locked[joint.name] = follow(joint, joint.mimic, (*followers, joint.name))
         return locked[joint.name]
 
-    def follow(joint: Joint, mimic: ET.Element, followers: tuple[str, ...]) -> float:
+    def follow(joint: UrdfJoint, mimic: ET.Element, followers: tuple[str, ...]) -> float:
         """Position of a joint that mimics another: multiplier · its position + offset."""
         at = tree.at(joint)
         name = mimic.get("joint", "")
@@ -140,7 +141,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, fl
             remedies[joint.name] = min(max(xml.scalar(mimic, "offset", at, "0"), lower), upper)
             if name in free[1:] and tree.joints[name] in tree.path(joint.parent):
                 ends.append(
-                    f"; or end the arm before {name} by {setting('robot.tip', tree.joints[name].parent)}"
+                    f"; or end the arm before {name} by {suggestion('robot.tip', tree.joints[name].parent)}"
                 )
             return 0.0
         followed = tree.joints[name]
@@ -158,7 +159,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, fl
             wrong[what] = f"{tree.where}: {what} ties {listed([name for name in free if name in loop])}"
             remedies |= beside
     if wrong:
-        locks = f"lock {listed([*remedies])} by {override('locked', remedies, given)}: {_STILL}"
+        locks = f"lock {listed([*remedies])} by {suggest_by_joint('locked', remedies, given)}: {_STILL}"
         remedy = locks if remedies else "delete it from the file if the arm does not have it"
         first, *rest = wrong.values()
         reasons = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in rest)])
@@ -171,24 +172,26 @@ def _check_locked(tree: Tree, name: str, value: float) -> None:
     joint = tree.joints.get(name)
     if joint is None:
         movable = [other.name for other in tree.joints.values() if other.kind != "fixed"]
-        raise RobotError(f"{tree.where} has no joint {name!r} to lock (robot.locked){meant(name, movable)}")
+        at = f"({setting_name('robot.locked')})"
+        raise RobotError(f"{tree.where} has no joint {name!r} to lock {at}{similar_names(name, movable)}")
     if joint.kind == "fixed":
-        raise RobotError(f"{tree.at(joint)} is fixed: leave it out of robot.locked")
+        raise RobotError(f"{tree.at(joint)} is fixed: leave it out of {setting_name('robot.locked')}")
     lower, upper = tree.span(joint) or (0.0, 0.0)
     if lower < upper and not lower <= value <= upper:
         nearest = min(max(value, lower), upper)
         raise RobotError(
             f"{tree.at(joint)} is locked at {value:g}, outside its range {lower:g} to {upper:g}; the "
-            f"nearest is {override('locked', {name: nearest})}"
+            f"nearest is {suggest_by_joint('locked', {name: nearest})}"
         )
 
 
 def describe_fixed(
-    tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float], masses: Mapping[str, float]
+    tree: Tree, moving: Sequence[UrdfJoint], locked: Mapping[str, float], masses: Mapping[str, float]
 ) -> list[str]:
     """Notes on locked joints with their positions [rad or m], and on masses [kg] lumped into other links."""
-    ties = f"constraints left out, so that trajectories may break them: {listed([*tree.loops])}"
-    notes = [ties] * bool(tree.loops)
+    notes = []
+    if tree.loops:
+        notes.append(f"constraints left out, so that trajectories may break them: {listed([*tree.loops])}")
     if not locked:
         return notes
     stand = []

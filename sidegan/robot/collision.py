@@ -14,12 +14,10 @@ from sidegan.robot.description import Description
 from sidegan.robot.fitting import hull_of
 from sidegan.robot.meshes import cache_folder
 from sidegan.robot.model import pinocchio_errors
-from sidegan.robot.shapes import Shape, is_mesh, shapes_of
+from sidegan.robot.shapes import Shape, is_mesh, link_shapes
+from sidegan.robot.thresholds import FALSE_COLLISIONS, LARGE_AT_LEAST, LARGE_BASE, LARGE_SHAPE, SMALL_MESH
 
-_LARGE, _LARGE_BASE, _AT_LEAST = 5.0, 50.0, 3.0  # arm lengths, and [m], above which shapes are too large
-_SMALL = 0.002  # arm lengths below which a mesh is too small
 _MOST, _FEWEST, _QUESTIONS = 1_000, 200, 1_000_000  # configurations, and pairs of hulls over all of them
-_SHARE = 0.01  # of the configurations in which hulls of two links may collide falsely
 _OUT = 1.5  # rounding radii by which corners are moved outwards
 
 
@@ -34,7 +32,7 @@ def collision_shapes(
     with pinocchio_errors(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
     _refuse_other_orders(model, geometry, description, length)
-    shapes = shapes_of(geometry, model)
+    shapes = link_shapes(geometry, model)
     if not any(shape.digest for shape in shapes):
         return shapes, {}
     from joblib import Memory
@@ -48,7 +46,7 @@ def collision_shapes(
     for level in (1, 2, 3):
         if often:
             finer = hollow | {link: level for pair in often for link in pair}
-            tried = shapes_of(geometry, model, finer)
+            tried = link_shapes(geometry, model, finer)
             left = refused(known=(known, finer), shapes=tried, **scene)
             if sum(left.values()) < sum(often.values()):
                 hollow, shapes, often = finer, tried, left
@@ -80,9 +78,9 @@ def of_another_order(size: float, length: float, moves: bool, mesh: bool) -> str
     """
     if not (moves or mesh):
         return ""
-    if size > max(_AT_LEAST, (_LARGE if moves else _LARGE_BASE) * length):
+    if size > max(LARGE_AT_LEAST, (LARGE_SHAPE if moves else LARGE_BASE) * length):
         return f"{size:.2g} m across (in millimetres?)"
-    if mesh and moves and size < _SMALL * length:
+    if mesh and moves and size < SMALL_MESH * length:
         return f"{size:.2g} m across (scaled from millimetres twice?)"
     return ""
 
@@ -120,8 +118,8 @@ def _refused_pairs(
         if not (touching and pin.computeCollisions(model, state, geometry, meshes, q, True)):
             alone.update(touching)
             free += 1
-    often = {pair: times / free for pair, times in alone.items() if times > _SHARE * len(configurations)}
-    return dict(sorted(often.items()))
+    enough = FALSE_COLLISIONS * len(configurations)
+    return {pair: times / free for pair, times in sorted(alone.items()) if times > enough}
 
 
 def _hulls(shapes: Sequence[Shape]) -> tuple[pin.GeometryModel, list[str]]:
@@ -159,6 +157,7 @@ def _pair(hulls: pin.GeometryModel, owners: Sequence[str], description: Descript
 def _sampled(model: pin.Model, description: Description, pairs: int) -> np.ndarray:
     """Random configurations within the limits, (N, J)."""
     limits = [description.limits[name] for name in list(model.names)[1:]]
-    lower, upper = (np.array([getattr(limit, side) for limit in limits]) for side in ("lower", "upper"))
+    lower = np.array([limit.lower for limit in limits])
+    upper = np.array([limit.upper for limit in limits])
     count = int(np.clip(_QUESTIONS / pairs, _FEWEST, _MOST))
     return lower + np.random.default_rng(0).random((count, len(limits))) * (upper - lower)

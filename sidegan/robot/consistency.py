@@ -7,18 +7,14 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError, ShapeError
-from sidegan.robot import units
+from sidegan.robot import thresholds
 from sidegan.robot.arm import Arm, length_of
 
 _ROUNDING = 1e-9  # of the largest principal moment: flat plates meet the triangle inequality with equality
-# Shares of the mean distance between joints: farthest centre of mass from its joint; radius of gyration
-# along each axis of a default link, of a corrected thin link, and of a link that is too thin.
-_FARTHEST, _PLAIN, _THIN, _TOO_THIN = 10.0, 1 / 6, 1 / 30, 1 / 300
+# Radii of gyration along each axis of a default link, of a corrected thin link, and of one that is too thin,
+# as shares of the mean distance between joints.
+_PLAIN, _THIN, _TOO_THIN = 1 / 6, 1 / 30, 1 / 300
 _DENSITY = 50.0  # [kg/m³] of a default link over the cube of that distance: water, a quarter as thick as long
-_CENTRED = 1e-3  # largest share of that distance between a joint and a mass centred in it
-_ALIKE = 1e-6  # relative tolerance of equal numbers
-_FEWEST = 3  # equal links that are no coincidence
-_NEXT_TO_NOTHING = 1e-5  # of the heaviest link's mass, below which a mass is implausible
 
 
 def pseudo_inertia(parameters: Array) -> Array:
@@ -61,9 +57,9 @@ def doubtful_links(arm: Arm) -> dict[str, str]:
     mass, place, located = _masses(arm)
     radius, size, usual = _gyration(arm), _sizes(arm), float(np.median(mass))
     shaped = np.isin(np.arange(arm.joints), arm.capsules.link)
-    most = np.where(shaped, units.OUTSIDE, units.OUTSIDE_UNSEEN)
-    outside = radius > most * np.maximum(size, units.SHORT * length_of(vars(arm)))
-    light = (mass < units.LIGHT * usual) & (mass < units.FOAM * size**3)
+    most = np.where(shaped, thresholds.GYRATION_SHAPED, thresholds.GYRATION_UNSEEN)
+    outside = radius > most * np.maximum(size, thresholds.SHORTEST_LINK * length_of(vars(arm)))
+    light = (mass < thresholds.LIGHT_LINK * usual) & (mass < thresholds.FOAM * size**3)
     found = dict[str, str]()
     for i, name in enumerate(arm.link_names):
         if not located[i]:
@@ -80,16 +76,16 @@ def describe_other_units(arm: Arm) -> str:
     links, reach, radius = arm.inertial_parameters, length_of(vars(arm)), _gyration(arm)
     whole = links[:, 0].sum()
     said = []
-    if whole > max(units.HEAVY, units.DENSE * reach**3):
+    if whole > max(thresholds.HEAVIEST_ARM, thresholds.DENSEST_ARM * reach**3):
         kilograms = [f"{name} {m:.4g}" for name, m in zip(arm.link_names, links[:, 0] / 1e3)]
         said.append(
             f"the links weigh {whole:.5g} kg and reach {reach:.2g} m: are these grams? In kg: "
             f"{listed(kilograms)}; look at inertias, too"
         )
-    wrong = np.flatnonzero(radius > max(units.FAR, units.REACHES * reach))
+    wrong = np.flatnonzero(radius > max(thresholds.GYRATION, thresholds.GYRATION_REACHES * reach))
     if wrong.size:
         inside = (_PLAIN * reach / 2 / np.median(radius[wrong])) ** 2
-        unit, factor = min(units.INERTIAS.items(), key=lambda one: abs(math.log(one[1] / inside)))
+        unit, factor = min(thresholds.INERTIA_UNITS.items(), key=lambda one: abs(math.log(one[1] / inside)))
         moments = factor * about_the_centre(links[wrong])[1].diagonal(0, 1, 2)
         right = [f"{arm.link_names[i]} {radius[i]:.3g} m, {row.round(5)}" for i, row in zip(wrong, moments)]
         said.append(
@@ -135,8 +131,9 @@ def _masses(arm: Arm) -> tuple[Array, Array, Array]:
     mass = links[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):  # masses may be zero
         place = np.linalg.norm(links[:, 1:4], axis=1) / mass
-    heavy = (mass > 0) & (mass > _NEXT_TO_NOTHING * mass.max())
-    return mass, place, heavy & (place < _FARTHEST * _length(arm)) & np.isfinite(links).all(1)
+    heavy = (mass > 0) & (mass > thresholds.NEXT_TO_NOTHING * mass.max())
+    near = place < thresholds.FARTHEST_CENTRE * _length(arm)
+    return mass, place, heavy & near & np.isfinite(links).all(1)
 
 
 def _gyration(arm: Arm) -> Array:
@@ -176,11 +173,12 @@ def _placeholders(arm: Arm) -> Array:
     """Which links are placeholders, (J,) bool."""
     links = arm.inertial_parameters
     heavy = links[:, 0] > 0
-    centred = heavy & (np.linalg.norm(links[:, 1:4], axis=1) <= _CENTRED * _length(arm) * links[:, 0])
-    alike = np.isclose(links[:, None], links[None], rtol=_ALIKE, atol=0.0)[..., [0, 4, 6, 9]].all(2)
-    alike = alike & centred & centred[:, None]
+    off = np.linalg.norm(links[:, 1:4], axis=1)  # first moments
+    centred = heavy & (off <= thresholds.CENTRED * _length(arm) * links[:, 0])
+    equal = np.isclose(links[:, None], links[None], rtol=thresholds.ALIKE_LINKS, atol=0.0)
+    alike = equal[..., [0, 4, 6, 9]].all(2) & centred & centred[:, None]
     most = alike[alike.sum(1).argmax()]
-    enough = int(most.sum()) >= max(_FEWEST, int(heavy.sum()) // 2 + 1)
+    enough = int(most.sum()) >= max(thresholds.PLACEHOLDERS, int(heavy.sum()) // 2 + 1)
     return most if enough else np.zeros_like(heavy)
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
+from sidegan.base.settings_text import setting
 from sidegan.base.typed import Number
 from sidegan.errors import ConfigError
-from sidegan.robot.setup import setting
 
 # {joint: {column: factor}}: columns, named like joints, whose sum a joint is; others are their own columns
 Rows = dict[str, dict[str, Number]]

@@ -10,18 +10,18 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.robot.fitting import (
+    Capsule,
     Points,
-    Segment,
     axes,
     corners,
-    extremes,
-    fit,
+    extreme_points,
+    fit_capsule,
     guess,
     hull_of,
     hull_volume,
     nearly_fit,
-    split,
-    thinned,
+    simplify_hull,
+    split_triangles,
     volume,
 )
 from sidegan.robot.meshes import cache_folder
@@ -38,14 +38,14 @@ _FINER = 3e-5  # the same for hollow meshes: some links pass within a fraction o
 
 _ALONG = 1e-9  # cosine below which a ray runs along a facet
 
-Plane = tuple[Points, float]  # a normal, (3,), and the height of the plane along it
+CutPlane = tuple[Points, float]  # a normal, (3,), and the height of the plane along it
 Measure = Callable[[Points], float]  # what cuts are to save [m³], of triangles (N, 3, 3)
 
 
-class Part(NamedTuple):
+class ConvexPart(NamedTuple):
     """Body that contains some of a link's triangles, in the frame of the first mesh."""
 
-    capsule: Segment
+    capsule: Capsule
     corners: Points  # of a convex hull [m], (V, 3)
     rounding: float  # radius [m] by which the hull is inflated
 
@@ -54,21 +54,21 @@ class _Cut(NamedTuple):
     """The best cut of a part: volume [m³] saved per additional part, and the planes."""
 
     saved: float
-    planes: tuple[Plane, ...]
+    planes: tuple[CutPlane, ...]
 
 
-def cover_of(digest: str, hollow: int, meshes: Callable[[], list[Points]]) -> list[Part]:
+def cover_of(digest: str, hollow: int, meshes: Callable[[], list[Points]]) -> list[ConvexPart]:
     """Parts of the meshes with this digest, from the cache or else from ``meshes``."""
     from joblib import Memory
 
     return Memory(cache_folder(), verbose=0).cache(_made, ignore=["meshes"])(digest, hollow, meshes)
 
 
-def _made(digest: str, hollow: int, meshes: Callable[[], list[Points]]) -> list[Part]:
+def _made(digest: str, hollow: int, meshes: Callable[[], list[Points]]) -> list[ConvexPart]:
     return cover(meshes(), _PIECES, hollow)
 
 
-def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
+def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[ConvexPart]:
     """Parts of a link's meshes, with capsules and hulls that together contain all triangles.
 
     Up to ``most`` meshes are separate parts, since they are usually divided sensibly.
@@ -88,8 +88,10 @@ def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
         size, worth = (_volume, _LEAST) if hollow == 2 else (_empty, _LEAST_EMPTY)
         parts = cut(groups, _MANY, worth, size)
     outer = [corners(part.reshape(-1, 3)) for part in parts]
-    capsule = nearly_fit if hollow > 1 else fit  # many parts are small: a guess will do
-    return [Part(capsule(points), *thinned(points, _FINER if hollow else _FINE)) for points in outer]
+    capsule = nearly_fit if hollow > 1 else fit_capsule  # many parts are small: a guess will do
+    return [
+        ConvexPart(capsule(points), *simplify_hull(points, _FINER if hollow else _FINE)) for points in outer
+    ]
 
 
 def cut(parts: Sequence[Points], most: int, worth: float, size: Measure) -> list[Points]:
@@ -114,9 +116,9 @@ def _best(part: Points, size: Measure) -> _Cut:
     """The best cut of a part: in halves, or in quarters, which open a ring where halves do not."""
     points = part.reshape(-1, 3)
     chosen = np.linspace(0, len(part) - 1, min(len(part), _SAMPLE)).astype(int)
-    outermost = np.unique(np.argmax(points @ axes(extremes(points)).T, axis=0) // 3)
+    outermost = np.unique(np.argmax(points @ axes(extreme_points(points)).T, axis=0) // 3)
     sample = part[np.union1d(chosen, outermost)]
-    outer = extremes(sample.reshape(-1, 3))
+    outer = extreme_points(sample.reshape(-1, 3))
     whole = size(sample)
     if not hull_volume(outer):  # flat: there is nothing to leave out
         return _Cut(0.0, ())
@@ -137,13 +139,13 @@ def _best(part: Points, size: Measure) -> _Cut:
 
 def _volume(part: Points, capsules: float = 0.0) -> float:
     """Volume [m³] of a part's hull, plus the weighted volume of a capsule around it."""
-    points = extremes(part.reshape(-1, 3))
+    points = extreme_points(part.reshape(-1, 3))
     return hull_volume(points) + (capsules and capsules * volume(guess(points)))
 
 
 def _empty(part: Points) -> float:
     """Volume [m³] between triangles (N, 3, 3), which face outwards, and the surface of their hull."""
-    hull = hull_of(extremes(part.reshape(-1, 3)))
+    hull = hull_of(extreme_points(part.reshape(-1, 3)))
     if hull is None:
         return 0.0
     normals = np.cross(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0])  # of twice the triangles' areas
@@ -155,9 +157,9 @@ def _empty(part: Points) -> float:
     return float((way * np.square(normals).sum(1))[np.isfinite(way)].sum() / 2)
 
 
-def _sides(part: Points, planes: Sequence[Plane]) -> list[Points]:
+def _sides(part: Points, planes: Sequence[CutPlane]) -> list[Points]:
     """Nonempty parts on all sides of the planes."""
     sides = [part]
     for normal, height in planes:
-        sides = [half for side in sides for half in split(side, normal, height)]
+        sides = [half for side in sides for half in split_triangles(side, normal, height)]
     return [side for side in sides if len(side)]

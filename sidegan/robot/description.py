@@ -15,14 +15,14 @@ from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import NO_INERTIA, FilePlane
-from sidegan.robot.chain import choose, describe_fixed
+from sidegan.robot.chain import choose_chain, describe_fixed
 from sidegan.robot.drives import Drives
 from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.meshes import find_mesh, has_surface, metres_per_unit
-from sidegan.robot.placement import GRAVITY, hang, lock, mount_of, turned, unit_axis
+from sidegan.robot.placement import GRAVITY, hang, lock, mount_of, rotate_planes, unit_axis
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
-from sidegan.robot.tree import Joint, Tree, read_tree
+from sidegan.robot.tree import Tree, UrdfJoint, read_tree
 from sidegan.robot.units import refuse_angles
 
 _HOMES = "home", "ready"  # names of home postures, in order of preference
@@ -72,7 +72,7 @@ def read_description(
     refuse_angles(root, where)
     for extra in tree.extras:
         root.remove(extra)
-    moving, locked = choose(tree, setup)
+    moving, locked = choose_chain(tree, setup)
     for joint in moving:
         unit_axis(joint, tree.at(joint))
     links = {link.get("name", ""): link for link in root.findall("link")}
@@ -119,7 +119,7 @@ def read_description(
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,
-        planes=turned(source.planes, mount),
+        planes=rotate_planes(source.planes, mount),
         home=own_home,
         drives=_described_drives(moving, where) if setup.friction else None,
         gravity=math.hypot(*(source.gravity or ())) or GRAVITY,
@@ -248,7 +248,7 @@ def _group_states(urdf: Path, robot: str) -> dict[str, dict[str, float]]:
     return found
 
 
-def _described_drives(moving: Sequence[Joint], where: str) -> Drives | None:
+def _described_drives(moving: Sequence[UrdfJoint], where: str) -> Drives | None:
     """Friction and rotor inertia of moving joints in a description; None if it states none."""
     rows = []
     for joint in moving:

@@ -19,7 +19,7 @@ class Drives:
     rotor_inertia: Array  # reflected to the joint [kg·m² or kg], (J,)
 
     def __post_init__(self) -> None:
-        shapes = {x.shape for x in vars(self).values()}
+        shapes = {x.shape for x in (self.viscous, self.coulomb, self.rotor_inertia)}
         if len(shapes) != 1 or self.viscous.ndim != 1:
             raise ShapeError(f"friction and rotors are {sorted(shapes)}, expected one number per joint each")
 
@@ -34,4 +34,4 @@ class Drives:
     @classmethod
     def none(cls, joints: int) -> "Drives":
         """No friction and no rotors."""
-        return cls(*(np.zeros(joints) for _ in range(3)))
+        return cls(np.zeros(joints), np.zeros(joints), np.zeros(joints))

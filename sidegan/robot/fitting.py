@@ -5,7 +5,7 @@ import scipy  # submodules load lazily
 from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
-Segment = tuple[Points, float]  # end points [m], (2, 3), and the radius [m] around the segment between them
+Capsule = tuple[Points, float]  # end points [m], (2, 3), and the radius [m] around the segment between them
 
 _GROWN = 1 + 1e-12  # factor on radii, so that rounding leaves no point outside
 _RADII = 12  # tried between the thinnest capsule along an axis and a sphere
@@ -36,18 +36,18 @@ def from_segment(ends: Points, points: Points) -> Points:
     return np.linalg.norm(points - ends[0] - share[:, None] * along, axis=1)
 
 
-def volume(segment: Segment) -> float:
+def volume(segment: Capsule) -> float:
     """Volume [m³] of a capsule."""
     ends, radius = segment
     return float(np.pi * radius**2 * (4 / 3 * radius + np.linalg.norm(ends[1] - ends[0])))
 
 
-def around(ends: Points, points: Points) -> Segment:
+def around(ends: Points, points: Points) -> Capsule:
     """Smallest capsule with these ends, (2, 3), that contains points (N, 3)."""
     return ends, float(from_segment(ends, points).max()) * _GROWN + 1e-12
 
 
-def extremes(points: Points) -> Points:
+def extreme_points(points: Points) -> Points:
     """The outermost points in many directions; all points if there are few."""
     if len(points) <= _MANY:
         return points
@@ -85,18 +85,18 @@ def axes(points: Points) -> Points:
     return np.concatenate([np.eye(3), np.linalg.svd(points - points.mean(0), full_matrices=False)[2]])
 
 
-def guess(points: Points) -> Segment:
+def guess(points: Points) -> Capsule:
     """A small capsule along one of their axes around points (N, 3), or around the outermost of many."""
-    outer = extremes(points)
+    outer = extreme_points(points)
     return min((around(ends_along(outer, axis), outer) for axis in axes(outer)), key=volume)
 
 
-def nearly_fit(points: Points) -> Segment:
+def nearly_fit(points: Points) -> Capsule:
     """Capsule around points (N, 3), along the best of a few axes."""
     return around(guess(points)[0], points)
 
 
-def fit(points: Points) -> Segment:
+def fit_capsule(points: Points) -> Capsule:
     """Capsule around points (N, 3) of nearly the smallest volume, by Nelder and Mead's method."""
     from scipy.optimize import minimize  # slow to import
 
@@ -142,7 +142,7 @@ def ends_along(points: Points, axis: Points) -> Points:
     return foot + np.outer(place, axis)
 
 
-def thinned(points: Points, tolerance: float) -> tuple[Points, float]:
+def simplify_hull(points: Points, tolerance: float) -> tuple[Points, float]:
     """Some corners of the hull of points, (V, 3), and the largest distance of the others from their hull [m].
 
     The hull of the points is within that distance of the corners' hull. Points in a plane are all kept.
@@ -178,7 +178,7 @@ def _farthest(points: Points, vertices: Points, faces: NDArray[np.int32]) -> flo
     return max((float(closest_point_naive(surface, part)[1].max()) for part in parts), default=0.0)
 
 
-def split(triangles: Points, normal: Points, height: float) -> tuple[Points, Points]:
+def split_triangles(triangles: Points, normal: Points, height: float) -> tuple[Points, Points]:
     """Triangles (N, 3, 3) below and above a plane, divided where it crosses them."""
     over = triangles @ normal - height
     below, above = (over <= 0).all(1), (over >= 0).all(1)

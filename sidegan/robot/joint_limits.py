@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from sidegan.base.names import listed
+from sidegan.base.settings_text import suggestion
 from sidegan.base.typed import build
 from sidegan.errors import ConfigError, RobotError
 from sidegan.robot.setup import Limits
@@ -21,21 +22,23 @@ def with_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
     """
     if given.file is None:
         return given, []
-    limits = _read(Path(given.file).expanduser())
+    at = suggestion("robot.limits", given.file)
+    limits = _read(Path(given.file).expanduser(), at)
     others = [name for name in limits if name not in tree.joints]
     found: dict[str, dict[str, Any]] = {}
-    for name in filter(tree.joints.__contains__, limits):
-        for kind, value in _stated(limits[name]).items():
-            found.setdefault(kind, {})[name] = value
+    for name, entry in limits.items():
+        if name in tree.joints:
+            for kind, value in _stated(entry).items():
+                found.setdefault(kind, {})[name] = value
     if not found:
         raise RobotError(
-            f"robot.limits={given.file} has limits for {listed(others) or 'no joint'}, none of which is in "
+            f"{at} has limits for {listed(others) or 'no joint'}, none of which is in "
             f"{tree.where}; expected some of {listed([*tree.joints])}"
         )
     try:
         read = build(Limits, found)
     except ConfigError as error:
-        raise RobotError(f"robot.limits={given.file}: {error}") from error
+        raise RobotError(f"{at}: {error}") from error
     ignored = f"; joints that the arm does not have are ignored: {listed(others)}" if others else ""
     note = f"{' and '.join(sorted(found))} limits come from {given.file}{ignored}"
     both: dict[str, Any] = {
@@ -44,8 +47,8 @@ def with_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
     return Limits(**both), [note]
 
 
-def _read(file: Path) -> dict[str, Mapping[str, Any]]:
-    """A file's entries by joint name."""
+def _read(file: Path, at: str) -> dict[str, Mapping[str, Any]]:
+    """A file's entries by joint name; ``at`` is the setting that names it, for errors."""
     import yaml
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
@@ -56,12 +59,12 @@ def _read(file: Path) -> dict[str, Mapping[str, Any]]:
     try:
         inner = yaml.load(file.read_text(encoding="utf-8"), Loader)
     except (OSError, ValueError, yaml.YAMLError) as error:
-        raise RobotError(f"robot.limits={file} cannot be read: {' '.join(str(error).split())}") from error
+        raise RobotError(f"{at} cannot be read: {' '.join(str(error).split())}") from error
     while isinstance(inner, Mapping) and "joint_limits" not in inner and len(inner) == 1:
         inner = next(iter(inner.values()))  # nested in a node's parameters
     limits = inner.get("joint_limits") if isinstance(inner, Mapping) else None
     if not isinstance(limits, Mapping):
-        raise RobotError(f"robot.limits={file} has no joint_limits, expected MoveIt's joint_limits.yaml")
+        raise RobotError(f"{at} has no joint_limits, expected MoveIt's joint_limits.yaml")
     return {str(name): entry for name, entry in limits.items() if isinstance(entry, Mapping)}
 
 

@@ -8,19 +8,20 @@ from itertools import product
 from typing import Any, TypeVar
 
 from sidegan.base.names import listed
+from sidegan.base.settings_text import FILL_IN, setting_name, suggest_by_joint
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
 from sidegan.robot.joint_limits import with_file
-from sidegan.robot.setup import Limits, override
-from sidegan.robot.tree import Joint, Tree, meant
-from sidegan.robot.units import LIMITS, TURN, made_up
+from sidegan.robot.setup import Limits
+from sidegan.robot.thresholds import LIMITS, TURN, WIDER_LIMIT
+from sidegan.robot.tree import Tree, UrdfJoint, similar_names
+from sidegan.robot.units import made_up
 
 _EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # suggested ranges [rad or m]
 _EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s for the others
 # Attributes of a joint's <limit>, with any prefix.
 _DERIVATIVES = {"acceleration": ("acceleration", "deceleration"), "jerk": ("jerk",)}
-_ROUNDED = 1e-3  # relative tolerance of limits wider than the description's
 _SIDES = {"position": ["lower", "upper"], "velocity": ["velocity"], "effort": ["effort"]}
 _Value = TypeVar("_Value")
 _Span = tuple[float, float]  # lower and upper limit [rad or m]
@@ -40,7 +41,7 @@ class JointLimits:
 
 
 def limits_of(
-    tree: Tree, moving: tuple[Joint, ...], given: Limits, home: dict[str, float], planning: bool = True
+    tree: Tree, moving: tuple[UrdfJoint, ...], given: Limits, home: dict[str, float], planning: bool = True
 ) -> tuple[dict[str, JointLimits], list[str]]:
     """Limits of the moving joints, by name, and notes on what was assumed.
 
@@ -72,14 +73,17 @@ def limits_of(
     if described.useless:
         notes.append(f"soft limits that leave no range are ignored: {listed(described.useless)}")
     if described.narrowed:
-        whole = override("limits.position", {name: span for name, (span, _) in described.narrowed.items()})
+        whole = suggest_by_joint(
+            "limits.position", {name: span for name, (span, _) in described.narrowed.items()}
+        )
         notes.append(
             "soft limits apply, since drivers enforce them (safety_controller): "
             f"{listed([words for _, words in described.narrowed.values()])}; for the full range: {whole}"
         )
     if described.missing:
         lines = " ".join(
-            override(f"limits.{kind}", values, stated[kind]) for kind, values in described.examples.items()
+            suggest_by_joint(f"limits.{kind}", values, stated[kind])
+            for kind, values in described.examples.items()
         )
         if planning:
             first, *others = described.missing
@@ -93,13 +97,15 @@ def limits_of(
     for kind in DERIVATIVE_ORDER:
         finite = [name for name, limits in found.items() if math.isfinite(getattr(limits, kind))]
         if names := [name for name in finite if name not in stated[kind]]:
-            remedy = f"'robot.limits.{kind}={{{names[0]}: …}}' overrides them"
-            notes.append(f"{kind} limits of {listed(names)} come from the description; {remedy}")
+            other = suggest_by_joint(f"limits.{kind}", {names[0]: FILL_IN})
+            notes.append(
+                f"{kind} limits of {listed(names)} come from the description; {other} overrides them"
+            )
     if planning and not any(math.isfinite(limits.effort) for limits in found.values()):
         _log.warning(
-            "%s has no torque limits, so torques are unchecked; set them by 'robot.limits.effort={%s: …}'",
+            "%s has no torque limits, so torques are unchecked; set them by %s",
             tree.where,
-            ": …, ".join(found),
+            suggest_by_joint("limits.effort", dict.fromkeys(found, FILL_IN)),
         )
     if wider and planning:
         _log.warning("%s: limits are wider than the description's: %s", tree.where, "; ".join(wider))
@@ -113,12 +119,14 @@ def _stated(tree: Tree, given: Limits) -> dict[str, dict[str, Any]]:
         for name in values:
             if name not in tree.joints:
                 raise RobotError(
-                    f"{tree.where} has no joint {name!r} of robot.limits.{kind}{meant(name, tree.joints)}"
+                    f"{tree.where} has no joint {name!r} of {setting_name(f'robot.limits.{kind}')}"
+                    f"{similar_names(name, tree.joints)}"
                 )
     for name, (lower, upper) in stated["position"].items():
         if not lower < upper:
             at = tree.at(tree.joints[name])
-            raise RobotError(f"{at}: robot.limits.position is {lower:g} to {upper:g}, expected lower < upper")
+            where = f"{at}: {setting_name('robot.limits.position')}"
+            raise RobotError(f"{where} is {lower:g} to {upper:g}, expected lower < upper")
     return stated
 
 
@@ -133,7 +141,7 @@ class _Described:
         self.narrowed: dict[str, tuple[_Span, str]] = {}  # full ranges, and soft limits in words
         self.useless: list[str] = []  # joints whose soft limits leave no range
 
-    def position(self, joint: Joint) -> _Span:
+    def position(self, joint: UrdfJoint) -> _Span:
         """Lower and upper limit [rad or m]; half a turn to each side of home for continuous joints."""
         if joint.kind == "continuous":
             middle = self.home.get(joint.name, 0.0)
@@ -149,7 +157,7 @@ class _Described:
         example = (upper, lower) if lower > upper else _EXAMPLE[joint.kind]
         return self._example("position", joint, example, why)
 
-    def velocity(self, joint: Joint) -> float:
+    def velocity(self, joint: UrdfJoint) -> float:
         """Velocity limit [rad/s or m/s]."""
         velocity = self._number(joint, "velocity")
         if velocity > 0:
@@ -157,10 +165,10 @@ class _Described:
         has = f"velocity limit {joint.part('limit').get('velocity')}, expected more than 0"
         return self._example("velocity", joint, _EXAMPLE_SPEED.get(joint.kind, 1.0), has)
 
-    def effort(self, joint: Joint) -> float:
+    def effort(self, joint: UrdfJoint) -> float:
         """Torque or force limit [N·m or N]; infinite if none is stated."""
         if motor := joint.part("limit").get("not_read"):
-            self._example("effort", joint, "…", f"a torque limit that is not read: {motor}")
+            self._example("effort", joint, FILL_IN, f"a torque limit that is not read: {motor}")
             return math.inf
         effort = self._number(joint, "effort")
         if effort >= 0:
@@ -168,13 +176,13 @@ class _Described:
         why = f"effort limit {effort:g}, expected more than 0 or none"
         return self._example("effort", joint, -effort, why)
 
-    def derivative(self, joint: Joint, kind: str) -> float:
+    def derivative(self, joint: UrdfJoint, kind: str) -> float:
         """Acceleration or jerk limit [rad or m, per s² or s³]; infinite if no positive one is stated."""
         keys = [key for key in joint.part("limit").attrib if key.rpartition("}")[2] in _DERIVATIVES[kind]]
         values = [self._number(joint, key) for key in keys]
         return min((value for value in values if value > 0), default=math.inf)
 
-    def _softened(self, joint: Joint, span: _Span) -> _Span:
+    def _softened(self, joint: UrdfJoint, span: _Span) -> _Span:
         """A range narrowed by a joint's soft limits, if it has any; a missing end is 0."""
         safety = joint.part("safety_controller")
         at = self.tree.at(joint)
@@ -190,18 +198,18 @@ class _Described:
         self.narrowed[joint.name] = span, f"{joint.name} {lower:.4g} to {upper:.4g} {unit}"
         return lower, upper
 
-    def _number(self, joint: Joint, key: str) -> float:
+    def _number(self, joint: UrdfJoint, key: str) -> float:
         """A number of a joint's <limit>; 0 if it is missing."""
         return xml.scalar(joint.part("limit"), key, self.tree.at(joint), "0")
 
-    def _example(self, kind: str, joint: Joint, value: _Value, has: str) -> _Value:
+    def _example(self, kind: str, joint: UrdfJoint, value: _Value, has: str) -> _Value:
         self.missing.append(f"{self.tree.at(joint)} has {has}")
         self.examples.setdefault(kind, {})[joint.name] = value
         return value
 
 
 def _in_other_units(
-    moving: tuple[Joint, ...], found: dict[str, JointLimits], stated: dict[str, dict[str, Any]]
+    moving: tuple[UrdfJoint, ...], found: dict[str, JointLimits], stated: dict[str, dict[str, Any]]
 ) -> str:
     """Questions on limits that no arm has, with settings that state them; converts the limits.
 
@@ -224,9 +232,10 @@ def _in_other_units(
         values = dict[str, Any]()
         for x in (x for x in joints if least < size[x] < math.inf):
             value = [limit / x.reduction if geared else factor * limit for limit in own[x]]
-            vars(found[x.name]).update(zip(_SIDES[kind], value))
-            values[x.name] = (value if len(value) > 1 else value[0]) if max(value) <= largest else "…"
-        right = override(f"limits.{kind}", values, given)
+            for side, limit in zip(_SIDES[kind], value):
+                setattr(found[x.name], side, limit)
+            values[x.name] = (value if len(value) > 1 else value[0]) if max(value) <= largest else FILL_IN
+        right = suggest_by_joint(f"limits.{kind}", values, given)
         said.append(
             f"{kind} limits of {listed(wrong, 4)} (up to {max(size[x] for x in beyond):.4g}) are beyond any "
             f"arm's: are these {other}? In SI units they are then {right};"
@@ -234,7 +243,7 @@ def _in_other_units(
     return " ".join(said)
 
 
-def _described(joint: Joint, kind: str, given: dict[str, Any]) -> bool:
+def _described(joint: UrdfJoint, kind: str, given: dict[str, Any]) -> bool:
     """Whether a joint's limit is the description's, or may be in degrees as the description's is not."""
     own = max(abs(xml.number_or_zero(joint.part("limit").get(key))) for key in ("lower", "upper"))
     if kind == "position":
@@ -242,7 +251,7 @@ def _described(joint: Joint, kind: str, given: dict[str, Any]) -> bool:
     return joint.name not in given
 
 
-def _wider(joint: Joint, limits: JointLimits) -> list[str]:
+def _wider(joint: UrdfJoint, limits: JointLimits) -> list[str]:
     """Limits wider than the description's, in words with both numbers."""
     length, force = ("m", "N") if joint.kind == "prismatic" else ("rad", "N·m")
     units = {"velocity": f"{length}/s", "effort": force}
@@ -252,19 +261,21 @@ def _wider(joint: Joint, limits: JointLimits) -> list[str]:
     for kind, unit in units.items():
         value = getattr(limits, kind)
         own = xml.number_or_zero(joint.part("limit").get(kind))
-        if own and (own - value if kind == "lower" else value - own) > _ROUNDED * abs(own):
+        if own and (own - value if kind == "lower" else value - own) > WIDER_LIMIT * abs(own):
             wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider
 
 
-def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: dict[str, _Span]) -> list[str]:
+def _assumed(
+    found: dict[str, JointLimits], moving: tuple[UrdfJoint, ...], stated: dict[str, _Span]
+) -> list[str]:
     """Notes on assumed ranges and unlimited torques."""
     notes = []
     endless = [joint.name for joint in moving if joint.kind == "continuous" and joint.name not in stated]
     if endless:
         spans = {name: (found[name].lower, found[name].upper) for name in endless}
         wider = {name: [low - math.pi, up + math.pi] for name, (low, up) in spans.items()}
-        remedy = override("limits.position", wider)
+        remedy = suggest_by_joint("limits.position", wider)
         ranges = listed([f"{name} {low:.4g} to {up:.4g}" for name, (low, up) in spans.items()])
         notes.append(f"continuous joints may turn half a turn from home: {ranges} rad (for more: {remedy})")
     free = [joint.name for joint in moving if not math.isfinite(found[joint.name].effort)]
@@ -273,7 +284,7 @@ def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: d
     return notes
 
 
-def _write(joint: Joint, limits: JointLimits) -> None:
+def _write(joint: UrdfJoint, limits: JointLimits) -> None:
     """Write limits into a joint's XML, where Pinocchio's parser requires them."""
     element = joint.element
     limit = element.find("limit")

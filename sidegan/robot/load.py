@@ -12,14 +12,15 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
+from sidegan.base.settings_text import suggest_touching, suggestion
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of, length_of
 from sidegan.robot.collision import collision_shapes
 from sidegan.robot.description import Description, read_description
-from sidegan.robot.model import build, kinematics_and_inertias
-from sidegan.robot.setup import PLAIN, Setup, allowed
+from sidegan.robot.model import kinematics_and_inertias, pinocchio_model
+from sidegan.robot.setup import PLAIN, Setup
 from sidegan.robot.shapes import VERSION, capsules_of
-from sidegan.robot.units import LONGEST
+from sidegan.robot.thresholds import LONGEST_ARM
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {
@@ -69,10 +70,10 @@ def load_robot(
     if args:
         setup = replace(setup, args={**args, **(setup.args or {})})
     description = read_description(path, setup, home, planning)
-    model = build(description)
+    model = pinocchio_model(description)
     chain = kinematics_and_inertias(model, setup.tip)
     length = float(np.linalg.norm([*chain["translation"][1:], chain["tip"]], axis=1).sum())
-    if length > LONGEST:
+    if length > LONGEST_ARM:
         raise RobotError(f"{path}: the links are {length:.4g} m long together: are these millimetres?")
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)
@@ -84,7 +85,7 @@ def load_robot(
     if setup.may_touch:  # which changes what trajectories are valid
         stamped += sorted({" ".join(sorted(pair)) for *pair, _ in description.may_touch})
     stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
-    _warn(description, refused)
+    _warn(description, refused, setup)
     return Arm(
         name=description.name,
         digest=digest_of(numbers | stated, capsules, stamped),
@@ -114,7 +115,7 @@ def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Array
     return limits
 
 
-def _warn(description: Description, refused: Mapping[tuple[str, str], float]) -> None:
+def _warn(description: Description, refused: Mapping[tuple[str, str], float], setup: Setup) -> None:
     """Warn about forces left out, links that lack a shape, and pairs whose shapes are too coarse."""
     if description.passive:
         left_out = "; ".join(description.passive)
@@ -134,7 +135,7 @@ def _warn(description: Description, refused: Mapping[tuple[str, str], float]) ->
             "of the free configurations: %s; if these cannot touch, leave them unchecked by %s",
             description.path,
             listed([f"{' – '.join(pair)} ({share:.0%})" for pair, share in refused.items()], 4),
-            allowed(refused, [pair[:2] for pair in description.may_touch if pair[2] == "robot.may_touch"]),
+            suggest_touching(refused, setup.may_touch),
         )
 
 
@@ -179,7 +180,7 @@ def _by_name(name: str) -> tuple[Path, dict[str, str]] | None:
         reason = " ".join(str(error).split())
         raise RobotError(
             f"robot_descriptions cannot fetch {module.partition('.')[2]}: {reason}; to use your own file: "
-            "robot.name=arm.urdf"
+            f"{suggestion('robot.name', 'arm.urdf')}"
         ) from error
     paths = [getattr(found, kind, None) for kind in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH")]
     path = next(filter(None, paths), None)

@@ -17,7 +17,7 @@ from sidegan.robot.description import Description
 _log = logging.getLogger(__name__)
 
 
-def build(description: Description) -> pin.Model:
+def pinocchio_model(description: Description) -> pin.Model:
     """Pinocchio's model of a serial chain."""
     with pinocchio_errors(description):
         model = pin.buildModelFromXML(description.xml)

@@ -8,22 +8,23 @@ import numpy as np
 import pinocchio as pin
 
 from sidegan.base.arrays import Array
+from sidegan.base.settings_text import setting_name, suggestion
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import Arm, FilePlane
-from sidegan.robot.setup import Mount, setting
-from sidegan.robot.tree import TURNING, Joint
+from sidegan.robot.setup import Mount
+from sidegan.robot.thresholds import UPRIGHT
+from sidegan.robot.tree import TURNING, UrdfJoint
 from sidegan.robot.units import meant_in_degrees
 
 GRAVITY = 9.81  # [m/s²]
 _AXIS = (1e-6, 1e6)  # lengths of an axis that can be normalised
 _WORLD = "sidegan_world"
-_STANDING = 0.7  # cosine of the largest tilt of a base that counts as standing
 _STRAIGHT = 0.05  # [rad] within which a direction is taken for an axis
 _ROUNDING = 1e-9
 
 
-def unit_axis(joint: Joint, at: str) -> Array:
+def unit_axis(joint: UrdfJoint, at: str) -> Array:
     """Unit vector along a joint's axis, (3,)."""
     axis = xml.vector(joint.element.find("axis"), "xyz", at, "1 0 0")
     length = math.hypot(*axis)
@@ -33,7 +34,7 @@ def unit_axis(joint: Joint, at: str) -> Array:
     return np.array(axis) / length
 
 
-def lock(joint: Joint, value: float, at: str) -> None:
+def lock(joint: UrdfJoint, value: float, at: str) -> None:
     """Make a joint fixed at a position [rad or m], or at its origin if it is planar or floating."""
     element = joint.element
     if value and joint.kind in (*TURNING, "prismatic"):
@@ -72,8 +73,8 @@ def mount_of(given: Mount | None, gravity: Sequence[float] | None = None) -> Mou
         RobotError: when angles look like degrees.
     """
     if given is not None and (meant := meant_in_degrees(given)):
-        stated = setting("robot.mount", meant, ".6g")
-        raise RobotError(f"robot.mount is {list(given)} rad: are these degrees? In radians they are {stated}")
+        name, stated = setting_name("robot.mount"), suggestion("robot.mount", meant, ".6g")
+        raise RobotError(f"{name} is {list(given)} rad: are these degrees? In radians they are {stated}")
     if given is not None or gravity is None:
         return given or (0.0, 0.0, 0.0)
     x, y, z = gravity
@@ -93,7 +94,7 @@ def hang(root: ET.Element, base: str, mount: Mount) -> None:
     ET.SubElement(joint, "origin", xyz="0 0 0", rpy=xml.words(mount))
 
 
-def turned(planes: Sequence[FilePlane], mount: Mount) -> tuple[FilePlane, ...]:
+def rotate_planes(planes: Sequence[FilePlane], mount: Mount) -> tuple[FilePlane, ...]:
     """Planes transformed from the base's frame to the world, for a mount [rad]."""
     turn = from_rpy(mount)
     return tuple((*(turn @ np.array(normal)).tolist(), offset) for *normal, offset in planes)
@@ -101,7 +102,7 @@ def turned(planes: Sequence[FilePlane], mount: Mount) -> tuple[FilePlane, ...]:
 
 def stands(arm: Arm) -> bool:
     """Whether an arm's base is upright, not hanging or on a wall."""
-    return float(from_rpy(arm.mount)[2, 2]) >= _STANDING
+    return float(from_rpy(arm.mount)[2, 2]) >= UPRIGHT
 
 
 def in_base(arm: Arm, vector: Array) -> Array:
@@ -117,7 +118,7 @@ def straightened(vector: Array) -> Array:
     return along if float(np.abs(vector)[k]) > math.cos(_STRAIGHT) * float(np.linalg.norm(vector)) else vector
 
 
-def direction(vector: Array) -> str:
+def describe_direction(vector: Array) -> str:
     """Direction of a vector (3,), for people: an axis, or a unit vector."""
     if int((vector != 0).sum()) == 1:
         k = int(np.abs(vector).argmax())

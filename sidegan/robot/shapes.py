@@ -12,7 +12,7 @@ import scipy  # submodules load lazily
 
 from sidegan.base.progress import bar
 from sidegan.robot.arm import Capsules, Pieces, rounded
-from sidegan.robot.covering import Part, cover_of
+from sidegan.robot.covering import ConvexPart, cover_of
 from sidegan.robot.fitting import Points, around, ends_along, hull_volume
 
 VERSION = 7  # raise it when a change yields other shapes for the same description
@@ -25,12 +25,12 @@ class Shape(NamedTuple):
 
     link: int  # that joint; -1 for the base
     owner: str  # the description's link
-    part: Part
+    part: ConvexPart
     exact: bool = False  # whether the capsule is the shape itself
     digest: str = ""  # of the meshes it was fitted to, and their placement
 
 
-def shapes_of(
+def link_shapes(
     geometry: pin.GeometryModel, model: pin.Model, hollow: Mapping[str, int] | None = None
 ) -> list[Shape]:
     """Collision shapes of a description, with all meshes of a link taken together.
@@ -91,15 +91,15 @@ def _core(shape: Shape) -> float:
     return max(min(float(roots.real.max()), radius), rounding)
 
 
-def _placed(part: Part, shape: pin.GeometryObject) -> Part:
+def _placed(part: ConvexPart, shape: pin.GeometryObject) -> ConvexPart:
     """A part of a shape, in the frame of the joint that moves it."""
     (ends, radius), corners, rounding = part
     turn = shape.placement.rotation.T
     place = shape.placement.translation
-    return Part((ends @ turn + place, radius), corners @ turn + place, rounding)
+    return ConvexPart((ends @ turn + place, radius), corners @ turn + place, rounding)
 
 
-def _primitive(shape: coal.CollisionGeometry) -> Part:
+def _primitive(shape: coal.CollisionGeometry) -> ConvexPart:
     """A primitive shape of the description, in its own frame.
 
     The inflated hull is the shape itself, apart from a cylinder's facets. Axes of capsules around cylinders
@@ -107,10 +107,10 @@ def _primitive(shape: coal.CollisionGeometry) -> Part:
     """
     match shape:
         case coal.Sphere():
-            return Part((np.zeros((2, 3)), shape.radius), np.zeros((2, 3)), shape.radius)
+            return ConvexPart((np.zeros((2, 3)), shape.radius), np.zeros((2, 3)), shape.radius)
         case coal.Capsule():
             ends = np.outer([-shape.halfLength, shape.halfLength], [0.0, 0.0, 1.0])
-            return Part((ends, shape.radius), ends, shape.radius)
+            return ConvexPart((ends, shape.radius), ends, shape.radius)
         case coal.Cylinder():
             axis = 2
             angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
@@ -120,7 +120,7 @@ def _primitive(shape: coal.CollisionGeometry) -> Part:
         case _:
             axis = int(np.argmax(shape.halfSide))
             corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * shape.halfSide
-    return Part(around(ends_along(corners, np.eye(3)[axis]), corners), corners, 0.0)
+    return ConvexPart(around(ends_along(corners, np.eye(3)[axis]), corners), corners, 0.0)
 
 
 def is_mesh(shape: pin.GeometryObject) -> bool:
@@ -128,7 +128,7 @@ def is_mesh(shape: pin.GeometryObject) -> bool:
     return bool(shape.meshPath) and isinstance(shape.geometry, coal.BVHModelBase | coal.ConvexBase)
 
 
-def _fitted(group: list[pin.GeometryObject], hollow: int) -> tuple[list[Part], str]:
+def _fitted(group: list[pin.GeometryObject], hollow: int) -> tuple[list[ConvexPart], str]:
     """Capsules and hulls around the meshes of a link, in the first mesh's frame, and the meshes' digest."""
     first = group[0].placement
     state = hashlib.sha256(str(VERSION).encode())

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sidegan.base.names import listed
+from sidegan.base.settings_text import FILL_IN, suggestion
 from sidegan.errors import RobotError
 from sidegan.robot.xml import Source
 
@@ -103,8 +104,8 @@ def _arguments(path: Path, args: Mapping[str, str], undefined: Sequence[str] = (
     if not (lacking := [name for name, value in values.items() if not value]):
         return ""
     shown = [f"{name}={value}" if value else f"{name} (without a value)" for name, value in values.items()]
-    typed = ", ".join([f"{name}: {x}" for name, x in args.items() if x] + [f"{name}: …" for name in lacking])
-    return f"; its arguments are {listed(shown, len(shown))}: 'robot.args={{{typed}}}'"
+    typed = {name: x for name, x in args.items() if x} | dict.fromkeys(lacking, FILL_IN)
+    return f"; its arguments are {listed(shown, len(shown))}: {suggestion('robot.args', typed)}"
 
 
 def _only_macros(path: Path) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
+from sidegan.base.settings_text import suggestion
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.units import reductions_of
@@ -23,7 +24,7 @@ REFUSED = {  # joint types that an arm cannot have, and why
 
 
 @dataclass(frozen=True)
-class Joint:
+class UrdfJoint:
     """A joint of a description."""
 
     name: str
@@ -50,11 +51,11 @@ class Tree:
 
     where: str  # the description, for messages
     root: str  # the base link
-    joints: dict[str, Joint]
+    joints: dict[str, UrdfJoint]
     extras: tuple[ET.Element, ...] = ()  # neither links nor joints
 
     @cached_property
-    def above(self) -> dict[str, Joint]:
+    def above(self) -> dict[str, UrdfJoint]:
         """The parent joint of each link but the root."""
         return {joint.child: joint for joint in self.joints.values()}
 
@@ -63,9 +64,9 @@ class Tree:
         """All links, the root first."""
         return [self.root, *self.above]
 
-    def path(self, link: str) -> list[Joint]:
+    def path(self, link: str) -> list[UrdfJoint]:
         """The joints from the root to a link."""
-        found: list[Joint] = []
+        found: list[UrdfJoint] = []
         while link in self.above and len(found) <= len(self.joints):  # stops in a loop
             found.append(self.above[link])
             link = found[-1].parent
@@ -93,10 +94,10 @@ class Tree:
         Not the world, nor a fixed link behind one without a shape: they may be a pillar or a wall.
         """
         found = set()
-        for link in filter(shaped.__contains__, self.links):
+        for link in self.links:
             path = self.path(link)
             before = [joint.parent for joint in path if joint.parent in shaped]
-            if not before:
+            if link not in shaped or not before:
                 continue
             still = all(joint.kind == "fixed" for joint in self.path(before[-1]))
             moves = any(joint.kind != "fixed" for joint in path)
@@ -105,11 +106,11 @@ class Tree:
                 found.add((link, before[-1]))
         return frozenset(found)
 
-    def at(self, joint: Joint) -> str:
+    def at(self, joint: UrdfJoint) -> str:
         """Location of a joint, for messages."""
         return f"{self.where}: joint {joint.name!r}"
 
-    def span(self, joint: Joint) -> tuple[float, float] | None:
+    def span(self, joint: UrdfJoint) -> tuple[float, float] | None:
         """A joint's stated range [rad or m], with 0 for a missing end; None if it has none."""
         limit = joint.part("limit")
         if joint.kind == "continuous" or not {"lower", "upper"} & set(limit.attrib):
@@ -120,14 +121,16 @@ class Tree:
     def require_link(self, name: str, setting: str = "") -> None:
         """Raise unless there is a link with this name."""
         if name not in self.links:
-            raise RobotError(f"{self.where} has no link {name!r}{meant(name, self.links, setting)}")
+            raise RobotError(f"{self.where} has no link {name!r}{similar_names(name, self.links, setting)}")
 
 
-def meant(name: str, known: Iterable[str], setting: str = "") -> str:
-    """Known names similar to an unknown one, for a message."""
+def similar_names(name: str, known: Iterable[str], setting: str = "") -> str:
+    """Known names similar to an unknown one for a message, or the settings of this name that have them."""
     names = list(known)
     close = difflib.get_close_matches(name, names, 3, 0.5) or names[-3:]
-    return ", expected for example " + " or ".join(f"{setting}{match}" for match in close)
+    return ", expected for example " + " or ".join(
+        suggestion(setting, match) if setting else match for match in close
+    )
 
 
 def read_tree(root: ET.Element, where: str) -> Tree:
@@ -139,7 +142,7 @@ def read_tree(root: ET.Element, where: str) -> Tree:
         name, count = Counter(given).most_common(1)[0] if given else ("", 0)
         if count > 1:
             raise RobotError(f"{where} has {count} {kind}s named {name!r}, expected unique names")
-    joints: dict[str, Joint] = {}
+    joints: dict[str, UrdfJoint] = {}
     children: set[str] = set()
     gears = reductions_of(root)
     for element, name in zip(root.findall("joint"), names["joint"]):
@@ -168,7 +171,7 @@ def _tag(element: ET.Element) -> str:
     return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
 
 
-def _joint(element: ET.Element, name: str, at: str, reduction: float) -> Joint:
+def _joint(element: ET.Element, name: str, at: str, reduction: float) -> UrdfJoint:
     """A joint of a known kind, with two links and a valid placement."""
     parent, child = (xml.attribute(xml.child(element, e, at), "link", at) for e in ("parent", "child"))
     kind = element.get("type", "")
@@ -176,4 +179,4 @@ def _joint(element: ET.Element, name: str, at: str, reduction: float) -> Joint:
         raise RobotError(f"{at} is of type {kind!r}, expected revolute, prismatic, continuous or fixed")
     for key in ("xyz", "rpy"):
         xml.vector(element.find("origin"), key, at, "0 0 0")
-    return Joint(name, kind, parent, child, element, reduction)
+    return UrdfJoint(name, kind, parent, child, element, reduction)

@@ -1,4 +1,4 @@
-"""What numbers of real arms can be, alone and against each other, and the units that others may be in."""
+"""Units of descriptions: placeholders, angles in degrees, and gears between motors and joints."""
 
 import math
 import xml.etree.ElementTree as ET
@@ -9,33 +9,14 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-
-TURN = 2.02 * math.pi  # [rad] usual limit of a joint or an angle, rounded up
-# Largest limits of joints that turn and of joints that slide, beyond those of all known arms (±400°, legs of
-# 52 rad/s), with the unit that larger ones may be in, and its factor.
-LIMITS = {
-    "position": ((4 * math.pi, "degrees", math.pi / 180), (30.0, "millimetres", 1e-3)),
-    "velocity": ((60.0, "degrees per second", math.pi / 180), (10.0, "millimetres per second", 1e-3)),
-    "effort": ((1e6, "mN·m", 1e-3), (1e7, "mN", 1e-3)),  # excavators have a half
-}
-LONGEST = 100.0  # [m] of all links together, beyond which they must be in millimetres
-TIP, JOINT = 12.0, 15.0  # [m/s] of the tip at half of the joints' limits, if these are above that [rad/s]
-HEAVY, DENSE = 50.0, 1000.0  # [kg] of an arm, and [kg/m³] over its reach cubed: known arms have up to 540
-FAR, REACHES = 6.0, 3.0  # [m] and in reaches: an impossible radius of gyration
-# Largest radius of gyration in sizes of a link, of at least a quarter of the reach: with a shape, and without
-# one, where only its joints tell the size.
-OUTSIDE, OUTSIDE_UNSEEN, SHORT = 1.4, 3.0, 0.25
-LIGHT, FOAM = 2.5e-3, 25.0  # of a link: share of the median mass, and [kg/m³] over its size cubed
-INERTIAS = {"kg·mm²": 1e-6, "kg·cm²": 1e-4, "g·mm²": 1e-9}  # in kg·m²
-_ENDLESS = 500.0  # times the largest limit, from which on one is a placeholder, as powers of ten are
-_ROUND = 2e-3  # relative tolerance of a power of ten, such as 999
+from sidegan.robot.thresholds import ENDLESS, ROUND_NUMBER, TURN
 
 
 def made_up(size: float, largest: float) -> bool:
     """Whether a limit is a placeholder, such as 1000, or whole half turns, and in no other unit."""
     power = 10.0 ** round(math.log10(size))
-    turns = size % 1 != 0 and abs(size / math.pi - round(size / math.pi)) < _ROUND
-    return size > _ENDLESS * largest or abs(size - power) <= _ROUND * power or turns
+    turns = size % 1 != 0 and abs(size / math.pi - round(size / math.pi)) < ROUND_NUMBER
+    return size > ENDLESS * largest or abs(size - power) <= ROUND_NUMBER * power or turns
 
 
 def meant_in_degrees(rpy: tuple[float, ...]) -> list[float]:
@@ -70,10 +51,8 @@ def transmissions(root: ET.Element, joint_names: Sequence[str]) -> Array:
     """Matrix, (J, J), of joints' positions from their motors', as transmissions of ros_control state it."""
     matrix = np.eye(len(joint_names))
     for element in root.iter("transmission"):
-        joints, motors = (
-            sorted(element.findall(tag), key=lambda x: x.get("role", "") + x.findtext("role", ""))
-            for tag in ("joint", "actuator")
-        )
+        joints = sorted(element.findall("joint"), key=_role)
+        motors = sorted(element.findall("actuator"), key=_role)
         at = [joint_names.index(name) for x in joints if (name := x.get("name", "")) in joint_names]
         gears, drives = [*map(_reduction, joints)], [*map(_reduction, motors)] or [1.0] * len(joints)
         kind = element.findtext("type", "") + element.findtext("plugin", "")
@@ -85,6 +64,11 @@ def transmissions(root: ET.Element, joint_names: Sequence[str]) -> Array:
         if len(at) == len(joints) == len(drives):
             matrix[np.ix_(at, at)] = shape / np.outer(gears, drives)
     return matrix
+
+
+def _role(element: ET.Element) -> str:
+    """The role of a joint or a motor in a transmission, such as joint1."""
+    return element.get("role", "") + element.findtext("role", "")
 
 
 def _reduction(element: ET.Element) -> float:

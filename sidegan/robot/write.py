@@ -16,7 +16,7 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
-from sidegan.robot.model import build, kinematics_and_inertias
+from sidegan.robot.model import kinematics_and_inertias, pinocchio_model
 from sidegan.robot.placement import from_rpy
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
@@ -65,7 +65,8 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
             _put(link, "inertial", inertials.get(name))
     if drives is not None:
         for k, name in enumerate(arm.joint_names):  # no reader takes less than 0
-            damping, coulomb = (repr(max(float(x[k]), 0.0)) for x in (drives.viscous, drives.coulomb))
+            damping = repr(max(float(drives.viscous[k]), 0.0))
+            coulomb = repr(max(float(drives.coulomb[k]), 0.0))
             _put(joints[name], "dynamics", ET.Element("dynamics", damping=damping, friction=coulomb))
     with replacing(path) as draft:
         ET.ElementTree(root).write(draft, encoding="utf-8", xml_declaration=True)
@@ -78,7 +79,7 @@ def torque_of_urdf(path: Path, arm: Arm, q: Array, dq: Array, ddq: Array) -> Arr
     Friction changes its sign with the velocity at once, as the format means it.
     """
     setup = replace(arm.setup, args=None, mount=arm.mount, friction=True)
-    model = build(description := read_description(path, setup, planning=False))
+    model = pinocchio_model(description := read_description(path, setup, planning=False))
     model.gravity.linear = arm.gravity  # which no URDF states
     data = model.createData()
     rigid = np.array([pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq)])
@@ -151,7 +152,7 @@ def _inertial(parameters: Array) -> ET.Element:
 def _check(arm: Arm, parameters: Array, file: Path) -> None:
     """Raise unless the file reads as the same arm with these parameters."""
     setup = replace(arm.setup, args=None, mount=arm.mount)
-    model = build(read_description(file, setup, planning=False))
+    model = pinocchio_model(read_description(file, setup, planning=False))
     chain = kinematics_and_inertias(model, setup.tip)
     del chain["gravity"]  # no URDF states it
     for name, value in chain.items():

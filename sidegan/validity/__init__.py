@@ -3,14 +3,14 @@
 from sidegan.validity.check import Validity, check, summarise_faults
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.home import default_home, usual_effort
-from sidegan.validity.regions import Box, Convex, Plane, Region, Sphere
+from sidegan.validity.regions import Box, Convex, Obstacle, Plane, Sphere
 
 __all__ = [
     "Box",
     "Constraints",
     "Convex",
+    "Obstacle",
     "Plane",
-    "Region",
     "Sphere",
     "Validity",
     "check",

@@ -35,7 +35,7 @@ def place_points(arm: Arm, q: Array, points: Array, links: Array) -> Array:
     return np.einsum("kijn,kj->ikn", own[0], points) + own[1].swapaxes(0, 1)
 
 
-def clearances(chain: Chain, shapes: Shapes, q: Array) -> tuple[Array, Array]:
+def capsule_clearances(chain: Chain, shapes: Shapes, q: Array) -> tuple[Array, Array]:
     """Signed distances [m] of capsule pairs, (N, P), and of guarded ones from regions, (N, K), at (N, J).
 
     Distances of two nearly coincident segments are accurate to 1e-7 of a length in the worst case.
@@ -49,7 +49,7 @@ def clearances(chain: Chain, shapes: Shapes, q: Array) -> tuple[Array, Array]:
 
 def capsule_distances(arm: Arm, q: Array, pairs: Array) -> Array:
     """Signed distances [m], (N, P), of pairs of capsules (P, 2) at positions (N, J)."""
-    return clearances(chain_of(arm), shapes_alone(arm, pairs), q)[0]
+    return capsule_clearances(chain_of(arm), shapes_alone(arm, pairs), q)[0]
 
 
 def shapes_alone(arm: Arm, pairs: Array) -> Shapes:

@@ -11,7 +11,7 @@ from sidegan.base.arrays import Array, split
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.capsules import reaches
-from sidegan.validity.constraints import DISTANCES, NAMES, Constraints
+from sidegan.validity.constraints import CONSTRAINTS, DISTANCES, Constraints
 
 _CELLS_AT_ONCE = 1_000_000  # in the first pass: 30 MB of indices
 _PARTS, _HALVINGS = 16, 12  # of a straight path: initially, and then down to 1.5e-5 of it
@@ -74,7 +74,7 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validit
         ShapeError: when the coefficients have the wrong shape or are not finite, or the trajectory's number
             of joints is not the arm's.
     """
-    from sidegan.validity.search import Search, coarse_cells  # imports compiled code
+    from sidegan.validity.search import MarginSearch, coarse_cells  # imports compiled code
 
     joints = constraints.arm.joints
     if trajectory.joints != joints:
@@ -82,14 +82,20 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validit
     trajectory.check(c)
     found = []
     for part in split(c, max(1, _CELLS_AT_ONCE // coarse_cells(trajectory))):
-        search = Search(constraints, trajectory, part)
+        search = MarginSearch(constraints, trajectory, part)
         search.run()
         found.append(search.smallest)
-    whole = [np.concatenate(tables) for tables in zip(*found)]
-    margins, elements, times = (
-        {name: table[:, NAMES.index(name)] for name in constraints.labels} for table in whole
+    margins = np.concatenate([part.margin for part in found])
+    elements = np.concatenate([part.element for part in found])
+    times = np.concatenate([part.time for part in found])
+    column = {name: CONSTRAINTS.index(name) for name in constraints.labels}
+    return Validity(
+        valid=np.all(margins >= 0, 1),
+        margins={name: margins[:, k] for name, k in column.items()},
+        elements={name: elements[:, k] for name, k in column.items()},
+        times={name: times[:, k] for name, k in column.items()},
+        labels=constraints.labels,
     )
-    return Validity(np.all(whole[0] >= 0, 1), margins, elements, times, constraints.labels)
 
 
 def require_straight(constraints: Constraints, start: Sequence[float], end: Sequence[float]) -> None:

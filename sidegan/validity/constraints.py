@@ -13,16 +13,25 @@ from sidegan.kernels.chain import Shapes
 from sidegan.motion.arrays import kernel_shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import DERIVATIVE_ORDER, Arm
-from sidegan.validity.capsules import bodies_of, clearances, piece_distances, thicker
-from sidegan.validity.pairs import SAMPLES, Links, Pairs, links_of, pairs_of, sampled, too_large, usual_gaps
-from sidegan.validity.regions import Plane, Region, tables
+from sidegan.validity.capsules import bodies_of, capsule_clearances, piece_distances, thicker
+from sidegan.validity.pairs import (
+    CONFIGURATIONS,
+    Links,
+    Pairs,
+    links_of,
+    pairs_of,
+    random_configurations,
+    too_large,
+    usual_gaps,
+)
+from sidegan.validity.regions import Obstacle, Plane, tables
 
 if TYPE_CHECKING:
     from sidegan.kernels.bodies import Bodies
 
 # In the order of the kernels.
-NAMES = ("position", "velocity", "torque", "collision", "keep_out", *DERIVATIVE_ORDER)
-DISTANCES = NAMES[3:5]
+CONSTRAINTS = ("position", "velocity", "torque", "collision", "keep_out", *DERIVATIVE_ORDER)
+DISTANCES = CONSTRAINTS[3:5]
 _SHOWN = 4  # exceptions named in a message
 _FAR = 0.05  # [m] between capsules, above which the pieces inside are not needed
 
@@ -52,7 +61,7 @@ class Constraints:
     def __init__(
         self,
         arm: Arm,
-        regions: Sequence[Region] = (),
+        regions: Sequence[Obstacle] = (),
         torque: bool = True,
         clearance: float = 0.0,
         apart: float | None = None,
@@ -145,7 +154,7 @@ class Constraints:
 
     def _distances(self, q: Array) -> dict[str, Array]:
         """Margins of distances, by the pieces inside capsules where these are close."""
-        collision, keep_out = clearances(self.bodies.chain, self.bodies.shapes, q)
+        collision, keep_out = capsule_clearances(self.bodies.chain, self.bodies.shapes, q)
         near = np.argwhere((collision < _FAR) & self.bodies.hulls.finer)
         n, p = near.T
         collision[n, p] = np.maximum(collision[n, p], piece_distances(self.bodies, q, near))
@@ -259,13 +268,17 @@ class Constraints:
         if not len(both):
             return both
         shapes = self._shapes_of(both[:0], both)
-        farthest = clearances(self.body.chain, shapes, sampled(self.arm))[1].max(0).reshape(-1, len(moving))
+        farthest = (
+            capsule_clearances(self.body.chain, shapes, random_configurations(self.arm))[1]
+            .max(0)
+            .reshape(-1, len(moving))
+        )
         leaves = farthest + self.clearance > 0
         stuck = np.flatnonzero(~leaves.any(1))
         if len(stuck):
             raise InfeasibleError(
-                f"region {int(stuck[0])} cannot be avoided: no link is outside it in any of {SAMPLES:,} "
-                "random configurations"
+                f"region {int(stuck[0])} cannot be avoided: no link is outside it in any of "
+                f"{CONFIGURATIONS:,} random configurations"
             )
         self.never_out = self._guarded_names(both[~leaves.ravel()])
         short = leaves & (farthest <= 0)

@@ -9,15 +9,15 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.motion.arrays import chain_of, kernel_shapes
 from sidegan.robot import Arm, Capsules
+from sidegan.robot.foot import foot, like_the_arm
 from sidegan.robot.placement import stands
-from sidegan.robot.visuals import foot, like_the_arm
-from sidegan.validity.capsules import clearances
-from sidegan.validity.pairs import sampled
+from sidegan.validity.capsules import capsule_clearances
+from sidegan.validity.pairs import random_configurations
 from sidegan.validity.regions import Plane, tables
+from sidegan.validity.thresholds import STANDING_SHARE
 
-_STANDS = 0.02  # least share of random configurations above the floor of an arm that stands on it
 _STEPS = 1_000  # per metre: heights are rounded down to whole millimetres
-_ROUNDING = 1e-3  # of a step, for rounding errors
+_STEP_ROUNDING = 1e-3  # of a step, for rounding errors
 
 
 @lru_cache(maxsize=16)
@@ -28,7 +28,7 @@ def floor_under(arm: Arm) -> Plane | None:
     lowest point is on another limb like it, which is locked somewhere.
     """
     lowest, _, link = foot(arm)
-    floor = Plane((0.0, 0.0, 1.0), math.floor(lowest * _STEPS + _ROUNDING) / _STEPS)
+    floor = Plane((0.0, 0.0, 1.0), math.floor(lowest * _STEPS + _STEP_ROUNDING) / _STEPS)
     limb = bool(link) and like_the_arm(arm, link)
     return floor if stands(arm) and not limb and _leaves(arm, floor) else None
 
@@ -92,6 +92,6 @@ def _leaves(arm: Arm, plane: Plane) -> bool:
     moving = np.flatnonzero(arm.capsules.link >= 0)
     guarded = np.stack([np.zeros_like(moving), moving], 1)
     shapes = kernel_shapes(arm.capsules, guarded[:0], guarded, tables([plane]))
-    clear = clearances(chain_of(arm), shapes, sampled(arm))[1] > 0  # (N, K)
+    clear = capsule_clearances(chain_of(arm), shapes, random_configurations(arm))[1] > 0  # (N, K)
     clear = clear[:, clear.any(0)]
-    return clear.size > 0 and float(clear.all(1).mean()) >= _STANDS
+    return clear.size > 0 and float(clear.all(1).mean()) >= STANDING_SHARE

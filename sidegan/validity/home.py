@@ -1,24 +1,23 @@
 """Default home position and effort of an arm."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.settings_text import FILL_IN, setting_name, suggestion
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity.constraints import Constraints
-from sidegan.validity.pairs import sampled
+from sidegan.validity.pairs import random_configurations
 from sidegan.validity.remedies import remedy
+from sidegan.validity.thresholds import CAREFUL_EFFORT, CAREFULLY_HELD, HOME_TURN
 
 _SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)  # of the ranges around their centre, tried in turn
 _DRAWS = 500  # configurations for each share
-_CAREFUL = 0.8  # of the limits: leaves room for feed-forward errors of a quarter
-_HELD, _TRIED = 0.95, 1000  # least share of configurations in which the arm can hold itself, and how many
+_TRIED = 1000  # configurations in which the arm has to hold itself
 _ROOM = 0.05  # [m] distance that is a relative margin of 1
-_TURN = 2.1 * math.pi  # [rad] from zero, up to which a home is plausible whatever the limits
 
 
 def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, ...] | None:
@@ -56,7 +55,8 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
     raise InfeasibleError(
         f"no feasible home of {arm.name} found at zero or among {len(rooms[name]):,} other "
         f"positions: {share:.0%} of them violate {name} of {where}; state a home that is free by "
-        f"'trajectory.home=[…]'; what else may help: {remedy(constraints, (name, where))}"
+        f"{suggestion('trajectory.home', [FILL_IN])}; what else may help: "
+        f"{remedy(constraints, (name, where))}"
     )
 
 
@@ -69,19 +69,19 @@ def rests_at(constraints: Constraints, home: Sequence[float]) -> bool:
 def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
     """Refuse joint positions, (J,), that make sense only in degrees, by a ConfigError with the radians.
 
-    A wrong number of positions is not checked here.
+    ``setting`` is its name in the command. A wrong number of positions is not checked here.
     """
     if len(positions) != arm.joints:
         return
     q, lower, upper = np.array(positions, float), arm.position_lower, arm.position_upper
     turned = np.where(arm.prismatic, q, np.deg2rad(q))
-    beyond = ~arm.prismatic & (np.abs(q) > _TURN) & ((q < lower) | (q > upper))
+    beyond = ~arm.prismatic & (np.abs(q) > HOME_TURN) & ((q < lower) | (q > upper))
     if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):
         j = int((np.abs(q) * beyond).argmax())
         raise ConfigError(
-            f"{setting} has {float(q[j]):g} for {arm.joint_names[j]}, whose range is {float(lower[j]):.4g} "
-            f"to {float(upper[j]):.4g} rad: are these degrees? In radians they are "
-            f"'{setting}=[{', '.join(f'{x:.4g}' for x in turned.tolist())}]'"
+            f"{setting_name(setting)} has {float(q[j]):g} for {arm.joint_names[j]}, whose range is "
+            f"{float(lower[j]):.4g} to {float(upper[j]):.4g} rad: are these degrees? In radians they are "
+            f"{suggestion(setting, turned.tolist(), '.4g')}"
         )
 
 
@@ -98,11 +98,11 @@ def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
         raise ShapeError(f"home position {list(home)} must be {arm.joints} finite joint positions")
     refuse_degrees(arm, home or (), "trajectory.home")
     rows = [] if home is None else [list(home)]
-    q = np.concatenate([np.array(rows, float).reshape(-1, arm.joints), sampled(arm, _TRIED)])
+    q = np.concatenate([np.array(rows, float).reshape(-1, arm.joints), random_configurations(arm, _TRIED)])
     still = np.zeros_like(q)
-    held = np.all(np.abs(RigidBody(arm).torque(q, still, still)) <= _CAREFUL * arm.torque_limit, 1)
+    held = np.all(np.abs(RigidBody(arm).torque(q, still, still)) <= CAREFUL_EFFORT * arm.torque_limit, 1)
     there, around = held[: len(rows)], held[len(rows) :]
-    return _CAREFUL if bool(there.all()) and float(around.mean()) >= _HELD else 1.0
+    return CAREFUL_EFFORT if bool(there.all()) and float(around.mean()) >= CAREFULLY_HELD else 1.0
 
 
 def _rooms(constraints: Constraints, q: Array) -> dict[str, Array]:

@@ -9,26 +9,24 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
+from sidegan.base.settings_text import suggest_touching, suggestion
 from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
-from sidegan.robot.setup import allowed
 from sidegan.validity.capsules import (
     bodies_of,
+    capsule_clearances,
     capsule_distances,
-    clearances,
     never_touching,
     piece_distances,
     shapes_alone,
 )
+from sidegan.validity.thresholds import DISPLACED, MOSTLY_TOUCHING, SHORT_ARM_PAIRS
 
-_FAR = 0.2  # arm lengths; shapes of neighbours come closer
-_TRIED = 200  # configurations in which that is tested
-SAMPLES = 4_000  # random configurations in which capsules are tested
+_TRIED = 200  # configurations in which neighbours' shapes are tested
+CONFIGURATIONS = 4_000  # random configurations in which capsules are tested
 _INSIDE = 1_000  # of these, in which the pieces inside capsules are tested
-_FEW = 3  # up to so many pairs, all may always touch, as in a short arm
 _SHOWN, _NEAR = 6, 4  # pairs of links named in messages
 _STEPS = 1e4  # per metre; suggested clearances are whole steps
-_OFTEN = 2 / 3  # share of configurations above which links mostly touch
 _SPARE = 0.1  # share by which suggested clearances stay below the available distance
 
 Links = tuple[str, str]
@@ -70,10 +68,10 @@ def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
     )
 
 
-def sampled(arm: Arm, count: int = SAMPLES) -> Array:
+def random_configurations(arm: Arm, count: int = CONFIGURATIONS) -> Array:
     """Random configurations [rad or m], (count, J); deterministic."""
     random = np.random.default_rng(0)
-    return random.uniform(arm.position_lower, arm.position_upper, (SAMPLES, arm.joints))[:count]
+    return random.uniform(arm.position_lower, arm.position_upper, (CONFIGURATIONS, arm.joints))[:count]
 
 
 def describe_displaced_shapes(arm: Arm) -> str:
@@ -82,12 +80,12 @@ def describe_displaced_shapes(arm: Arm) -> str:
     parents = {links_of(*pair) for pair in arm.parents or ()}
     gaps: dict[Links, float] = {}
     pairs = np.argwhere(np.tri(len(link), k=-1).T)
-    least = capsule_distances(arm, sampled(arm, _TRIED), pairs).min(0)
+    least = capsule_distances(arm, random_configurations(arm, _TRIED), pairs).min(0)
     for (i, j), gap in zip(pairs.tolist(), least.tolist()):
         links = links_of(owners[i], owners[j])
         if links in parents and abs(link[i] - link[j]) <= 1 and max(link[i], link[j]) >= 0:
             gaps[links] = min(gaps.get(links, math.inf), gap)
-    most = _FAR * float(np.linalg.norm(arm.translation[1:], axis=1).sum() + np.linalg.norm(arm.tip))
+    most = DISPLACED * float(np.linalg.norm(arm.translation[1:], axis=1).sum() + np.linalg.norm(arm.tip))
     far = [f"{' – '.join(links)} ({gap:.2g} m)" for links, gap in gaps.items() if gap > most]
     if not far:
         return ""
@@ -125,7 +123,7 @@ def usual_room(arm: Arm, need: float) -> dict[Links, float]:
 def mostly_touching(arm: Arm) -> dict[Links, float]:
     """Share of configurations in which links touch, for checked links that mostly do."""
     touching = _Touching(arm)
-    return {links: share for links in touching.open if (share := touching.share(links)) > _OFTEN}
+    return {links: share for links in touching.open if (share := touching.share(links)) > MOSTLY_TOUCHING}
 
 
 def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
@@ -136,8 +134,8 @@ def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleE
     room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
     most = max(math.floor(room * _STEPS), 0) / _STEPS
     return InfeasibleError(
-        f"workspace.clearance={clearance:g} is too large, these are always closer: "
-        f"{listed(near, _NEAR)}; try 'workspace.clearance={most:g}'"
+        f"{suggestion('workspace.clearance', clearance, 'g')} is too large, these are always closer: "
+        f"{listed(near, _NEAR)}; try {suggestion('workspace.clearance', most, 'g')}"
     )
 
 
@@ -165,10 +163,10 @@ class _Touching:
         # exempted by the user or the description, with the source; and those to check
         self.named = {links: exempt[links] for links in rest if links in exempt}
         self.open = [links for links in rest if links not in exempt]
-        self.q = sampled(arm)
+        self.q = random_configurations(arm)
         self.bodies = bodies_of(arm, shapes_alone(arm, self.pairs))
         # distances [m] of pairs of capsules, (P, 4000)
-        self.capsules = clearances(self.bodies.chain, self.bodies.shapes, self.q)[0].T
+        self.capsules = capsule_clearances(self.bodies.chain, self.bodies.shapes, self.q)[0].T
 
     def nearest(self, links: Links, need: float = math.inf) -> Array:
         """Distances [m] of two links in the first configurations, (1000,), exact below ``need``.
@@ -200,14 +198,14 @@ def _refuse(arm: Arm, touching: _Touching, tight: frozenset[Links]) -> None:
     stuck = [pair for pair in touching.open if pair not in tight and touching.always(pair)]
     if not stuck:
         return
-    if len(stuck) == len(touching.open) > _FEW:
+    if len(stuck) == len(touching.open) > SHORT_ARM_PAIRS:
         raise InfeasibleError(
             f"all {len(stuck)} pairs of non-adjacent links of {arm.name} touch in every one of "
-            f"{SAMPLES:,} random configurations, so none can be checked: are the shapes in metres?"
+            f"{CONFIGURATIONS:,} random configurations, so none can be checked: are the shapes in metres?"
         )
     names = listed([" and ".join(pair) for pair in stuck], _SHOWN)
     raise InfeasibleError(
-        f"links of {arm.name} that touch in every one of {SAMPLES:,} random configurations: {names}; correct "
-        "their shapes or, if contact is expected, leave these pairs unchecked by "
-        f"{allowed(stuck, arm.setup.may_touch)}"
+        f"links of {arm.name} that touch in every one of {CONFIGURATIONS:,} random configurations: {names}; "
+        "correct their shapes or, if contact is expected, leave these pairs unchecked by "
+        f"{suggest_touching(stuck, arm.setup.may_touch)}"
     )

@@ -152,10 +152,10 @@ class Convex:
         return [*centre.tolist(), float(np.linalg.norm(self.points - centre, axis=1).max()), 0.0, 0.0]
 
 
-Region = Plane | Box | Sphere | Convex
+Obstacle = Plane | Box | Sphere | Convex
 
 
-def distance(region: Region, point: Array) -> float:
+def distance(region: Obstacle, point: Array) -> float:
     """Least distance [m] of a point (3,) from a region, negative inside; of convex bodies, a lower bound."""
     if isinstance(region, Plane):
         return float(point @ region.unit) - region.offset
@@ -164,10 +164,10 @@ def distance(region: Region, point: Array) -> float:
     return float((region.planes[:, :3] @ point - region.planes[:, 3]).max())
 
 
-_KINDS: dict[type[Region], int] = {Plane: PLANE, Box: BOX, Sphere: BALL, Convex: CONVEX}
+_KINDS: dict[type[Obstacle], int] = {Plane: PLANE, Box: BOX, Sphere: BALL, Convex: CONVEX}
 
 
-def tables(regions: Sequence[Region]) -> tuple[Array, Array, Array]:
+def tables(regions: Sequence[Obstacle]) -> tuple[Array, Array, Array]:
     """Regions for compiled kernels: numbers (R, 8), kinds (R,), and planes (M, 4) of boxes and convex bodies.
 
     The last two numbers of a box or a convex body are the range of its planes.

@@ -7,30 +7,34 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
+from sidegan.base.settings_text import FILL_IN, suggest_by_joint, suggest_touching, suggestion
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm, units
+from sidegan.robot import Arm
 from sidegan.robot.consistency import describe_other_units
-from sidegan.robot.setup import allowed, override
 from sidegan.robot.sources import read_source
+from sidegan.robot.thresholds import FAST_JOINT, FASTEST_TIP, LIMITS, TURN
 from sidegan.robot.units import reductions_of
 from sidegan.validity.check import check
 from sidegan.validity.constraints import Constraints
-from sidegan.validity.pairs import sampled
+from sidegan.validity.pairs import random_configurations
+from sidegan.validity.thresholds import (
+    COINCIDENCE,
+    GEARED,
+    MOSTLY_HELD,
+    PLAUSIBLE_TORQUE,
+    PLAUSIBLE_UNKNOWN,
+    SPARE_TORQUE,
+)
 
 _LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # factors on trajectories, tried until some are invalid
-_GEARED = 5.0  # least ratio of a holding torque and a limit that may be the motor's
-_FEWEST = 3  # joints of which the same limit is no coincidence
-_SPARE = 20.0  # largest plausible ratio of the weakest joint's limit to the largest holding torque
-_WEAK, _UNKNOWN = 100.0, 1000.0  # [N·m] always plausible for the weakest joint; and without masses
 _TRIED = 500  # configurations in which holding torques are computed
-_MOSTLY = 0.95  # share of these in which sufficient limits hold the arm
 
-Where = tuple[str, str]  # a constraint, and its joint, pair or region
+Violation = tuple[str, str]  # a constraint, and its joint, pair or region
 
 
-def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Where | None:
+def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Violation | None:
     """The constraint that most trajectories, coefficients [rad/s], (B, J, H, 2), violate first when enlarged.
 
     None if they do not violate any.
@@ -44,39 +48,42 @@ def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Where
     return None
 
 
-def remedy(constraints: Constraints, where: Where) -> str:
+def remedy(constraints: Constraints, where: Violation) -> str:
     """Settings that relax a constraint, in words for people."""
     constraint, which = where
     arm = constraints.arm
-    home = "another home ('trajectory.home=[…]')"
+    home = f"another home ({suggestion('trajectory.home', [FILL_IN])})"
+    closer = suggestion("workspace.clearance", FILL_IN)
     if constraint == "collision":
         pair = which.split(" – ")
         gap = constraints.tight.get((pair[0], pair[1]), constraints.apart)
-        nearer = f"a clearance below {gap:g} m (workspace.clearance=…), " if gap else ""
-        touch = allowed([pair], arm.setup.may_touch)
+        nearer = f"a clearance below {gap:g} m ({closer}), " if gap else ""
+        touch = suggest_touching([pair], arm.setup.may_touch)
         return f"{nearer}{home} or, if contact is expected, {touch}"
     if constraint == "keep_out":
-        nearer = "a smaller clearance (workspace.clearance=…), " if constraints.clearance else ""
-        return f"{nearer}{home} or no regions (workspace=free)"
+        nearer = f"a smaller clearance ({closer}), " if constraints.clearance else ""
+        return f"{nearer}{home} or no regions ({suggestion('workspace', 'free')})"
     j = arm.joint_names.index(which)
     kind = "effort" if constraint == "torque" else constraint
     mine = which in _given(arm, kind)  # and not the description's
     own = f" or a wider limit than yours ({_limits_to_state(arm, kind, [j])})" if mine else ""
-    share = ", more of the limits (robot.effort=…, up to 1)" if constraint in ("velocity", "torque") else ""
+    share = ""
+    if constraint in ("velocity", "torque"):
+        share = f", more of the limits ({suggestion('robot.effort', FILL_IN)}, up to 1)"
     if constraint == "torque":
         return f"masses that are right ({_masses(arm)}), {home}{share}{own}{_made_up(arm, [j])}"
-    slower = "" if constraint == "position" else ", slower motion (trajectory.period=…)"
-    return f"{home}{slower}{share}{own}"
+    slower = f", slower motion ({suggestion('trajectory.period', FILL_IN)})"
+    return f"{home}{slower if constraint != 'position' else ''}{share}{own}"
 
 
 def refuse_other_units(arm: Arm) -> None:
     """Refuse masses, inertias and torque limits that no arm has, by a RobotError that asks what they are."""
     doubt = describe_other_units(arm)
-    weak = np.flatnonzero(_held(arm).max(0) > _GEARED * arm.torque_limit).tolist()
+    weak = np.flatnonzero(_held(arm).max(0) > GEARED * arm.torque_limit).tolist()
     if doubt or (weak and _geared(arm, weak)):
         raise RobotError(
             f"{doubt or describe_weak_limits(arm)}; correct the file, or leave torques unchecked by "
-            "workspace.torque=false"
+            f"{suggestion('workspace.torque', False)}"
         )
 
 
@@ -85,9 +92,9 @@ def describe_placeholder_limits(arm: Arm) -> str:
     turns = ~arm.prismatic
     span = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
     alike = (span[:, None] == span[turns]).sum(1) > 1
-    most = {kind: np.where(turns, *(row[0] for row in rows)) for kind, rows in units.LIMITS.items()}
+    most = {kind: np.where(turns, turning[0], sliding[0]) for kind, (turning, sliding) in LIMITS.items()}
     kinds = {
-        "position": (span, (span > most["position"]) | (turns & alike & (span > units.TURN))),
+        "position": (span, (span > most["position"]) | (turns & alike & (span > TURN))),
         "velocity": (arm.velocity_limit, (arm.velocity_limit > most["velocity"]) | _motors(arm)),
         "effort": (arm.torque_limit, _strong(arm)),
     }
@@ -111,15 +118,15 @@ def _motors(arm: Arm) -> Array:
     """
     beyond = np.linalg.norm([*arm.translation[1:], arm.tip], axis=1)[::-1].cumsum()[::-1]
     given = [name in _given(arm, "velocity") for name in arm.joint_names]
-    fast = ~arm.prismatic & (arm.velocity_limit > units.JOINT) & ~np.array(given)
-    quick = float((arm.velocity_limit * beyond * fast).max()) > units.TIP
-    return fast & quick & (arm.joints > _FEWEST) & (2 * fast.sum() >= (~arm.prismatic).sum())
+    fast = ~arm.prismatic & (arm.velocity_limit > FAST_JOINT) & ~np.array(given)
+    quick = float((arm.velocity_limit * beyond * fast).max()) > FASTEST_TIP
+    return fast & quick & (arm.joints > COINCIDENCE) & (2 * fast.sum() >= (~arm.prismatic).sum())
 
 
 def describe_weak_limits(arm: Arm) -> str:
     """A sentence on joints whose torque limits hold the arm in only part of its range; empty if none."""
     share = (_held(arm) <= arm.torque_limit).mean(0)
-    weak = np.flatnonzero(share < _MOSTLY).tolist()
+    weak = np.flatnonzero(share < MOSTLY_HELD).tolist()
     if not weak:
         return ""
     limits, names = arm.torque_limit.tolist(), arm.joint_names
@@ -138,7 +145,7 @@ def _geared(arm: Arm, weak: list[int]) -> str:
     names = {arm.joint_names[j] for j in weak}
     if not names <= {*joint} or names & {*_given(arm, "effort")}:
         return ""
-    right = override("limits.effort", joint | _given(arm, "effort"))
+    right = suggest_by_joint("limits.effort", joint | _given(arm, "effort"))
     return f"; are these limits the motors'? Times the mechanicalReduction in the file they are {right}"
 
 
@@ -150,7 +157,7 @@ def _masses(arm: Arm) -> str:
 
 def _made_up(arm: Arm, joints: list[int]) -> str:
     """Words on real torque limits, if those described are one number for all joints, or else empty."""
-    if arm.joints < _FEWEST or (arm.torque_limit != arm.torque_limit[0]).any():
+    if arm.joints < COINCIDENCE or (arm.torque_limit != arm.torque_limit[0]).any():
         return ""
     stated = _limits_to_state(arm, "effort", joints)
     return f"; if the same limit for all joints is a placeholder, state the real ones by {stated}"
@@ -164,14 +171,14 @@ def describe_excessive_friction(arm: Arm) -> str:
         return ""
     return (
         f"at its velocity limit, friction of {arm.named(beyond)} exceeds its torque limit; if this friction "
-        "is a placeholder, robot.friction=false leaves it out"
+        f"is a placeholder, {suggestion('robot.friction', False)} leaves it out"
     )
 
 
 def _limits_to_state(arm: Arm, kind: str, joints: list[int]) -> str:
     """The setting of limits for some joints, including those given before."""
-    stated = {arm.joint_names[j]: "…" for j in joints}
-    return override(f"limits.{kind}", stated, _given(arm, kind))
+    stated = {arm.joint_names[j]: FILL_IN for j in joints}
+    return suggest_by_joint(f"limits.{kind}", stated, _given(arm, kind))
 
 
 def _given(arm: Arm, kind: str) -> dict[str, Any]:
@@ -181,7 +188,7 @@ def _given(arm: Arm, kind: str) -> dict[str, Any]:
 
 def _held(arm: Arm) -> Array:
     """Absolute holding torques [N·m or N], (N, J), in random configurations."""
-    q = sampled(arm, _TRIED)
+    q = random_configurations(arm, _TRIED)
     return np.abs(RigidBody(arm).torque(q, 0 * q, 0 * q))
 
 
@@ -189,8 +196,9 @@ def _strong(arm: Arm) -> Array:
     """Joints with implausibly large torque limits, (J,) bool."""
     limit, turns = arm.torque_limit, ~arm.prismatic
     held = _held(arm).max(0)
-    strong = np.isfinite(limit) & (limit > units.LIMITS["effort"][0][0])
+    strong = np.isfinite(limit) & (limit > LIMITS["effort"][0][0])
     if turns.any() and np.isfinite(limit[turns]).all():
-        most = max(_SPARE * float(held[turns].max()), _WEAK) if held.any() else _UNKNOWN
+        known = max(SPARE_TORQUE * float(held[turns].max()), PLAUSIBLE_TORQUE)
+        most = known if held.any() else PLAUSIBLE_UNKNOWN
         strong |= turns & (limit[turns].min() >= most)
     return strong

@@ -18,7 +18,7 @@ from sidegan.motion.operations import each
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot.consistency import inertia_matrices
 from sidegan.validity.capsules import reaches, travel
-from sidegan.validity.constraints import NAMES, Constraints
+from sidegan.validity.constraints import CONSTRAINTS, Constraints
 
 COARSE = 0.1  # [s] longest cell of the first pass
 SPLIT = 3  # parts of an undecided cell
@@ -44,7 +44,7 @@ def derivative_bound(trajectory: Trajectory, c: Array, order: int) -> Array:
     return np.einsum("bjhx,hx->bj", np.abs(c), trajectory.derivative_bound(order))
 
 
-class Search:
+class MarginSearch:
     """The state of a check of coefficients (B, J, H, 2): the smallest margins so far."""
 
     def __init__(self, constraints: Constraints, trajectory: Trajectory, c: Array) -> None:
@@ -53,7 +53,7 @@ class Search:
         self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / COARSE)))
         # Bounds of the fourth and fifth derivative, by which jerk and its derivative change within a cell.
         self.drifts = np.stack([derivative_bound(trajectory, c, order) for order in (4, 5)])
-        shape = len(c), len(NAMES)
+        shape = len(c), len(CONSTRAINTS)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
 
     def run(self) -> None:

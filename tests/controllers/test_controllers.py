@@ -18,6 +18,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane
 from tests.chains import random_chain
+from tests.refusals import refused
 from tests.validity.critical import holding
 
 FAMILY = Trajectory(joints=6, harmonics=6, period=16.0, home=(0.1, -0.2, 0.3, 0.0, 0.5, -1.0))
@@ -172,7 +173,7 @@ def test_the_program_starts_only_at_its_start(planned):
 
 
 def test_courses_that_do_not_meet_are_refused():
-    with pytest.raises(ShapeError, match="must meet"):
+    with refused(ShapeError):
         run_of([course(), course(family=Trajectory(joints=6, period=16.0))], 0.0)
 
 
@@ -258,22 +259,22 @@ def test_high_holding_torque_along_the_way_is_accepted(planar, share, use):
 
 
 @pytest.mark.parametrize(
-    ("words", "make", "ends"),
+    ("names", "make", "ends"),
     [
-        ("move the arm closer to home", None, FOLDED),
+        (["keep_out of", "controllers.start"], None, FOLDED),
         (
-            "torque of shoulder",
+            ["torque of shoulder"],
             lambda arm: replace(arm, torque_limit=0.01 * arm.torque_limit),
             ([0.0, 0.0], [0.9, 0.9]),
         ),
-        (r"shoulder needs 99\.9% of its limit.*robot\.effort", lambda arm: holding(arm, 0.9992), AROUND),
+        (["shoulder", "99.9%", "effort=…"], lambda arm: holding(arm, 0.9992), AROUND),
         (
-            r"takes 84\d\d s with 20% of the limits of elbow, .*longest=84\d\d",
+            ["84", "20% of the limits of elbow", "controllers={'longest': 84"],
             lambda arm: replace(arm, velocity_limit=np.array([3.0, 0.001])),
             ([0, 0], [0, 0.9]),
         ),
     ],
 )
-def test_an_impossible_approach_is_refused(planar, desk, words, make, ends):
-    with pytest.raises(InfeasibleError, match=words):
+def test_an_impossible_approach_is_refused(planar, desk, names, make, ends):
+    with refused(InfeasibleError, *names):
         way(Constraints(make(planar)) if make else desk, *ends)

@@ -157,7 +157,7 @@ def test_a_constraint_that_no_motion_keeps_is_reported(planar, monkeypatch):
         "sidegan.design.search.check", lambda _, trajectory, c: check(Constraints(still), trajectory, c)
     )
     for work in (searched, lambda problem: design_set(problem, Taken(), 2, SETTINGS, 0)):
-        with refused(InfeasibleError, "60 evaluations", "velocity of ", "home", "robot.effort="):
+        with refused(InfeasibleError, "60 evaluations", "velocity of ", "home", "effort="):
             work(problem)
 
 

@@ -7,6 +7,7 @@ import sys
 import pytest
 from filelock import FileLock
 
+from sidegan.base.settings_text import command_messages
 from sidegan.pipeline.artifact import Build
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.store import Store
@@ -15,6 +16,13 @@ from sidegan.run import main
 from tests.tiny import tiny
 
 NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there
+
+
+@pytest.fixture(autouse=True)
+def messages():
+    """Messages are those of the command."""
+    with command_messages():
+        yield
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from sidegan.recording.load import load_recording
 from tests.chains import random_chain, real_links
 from tests.plant.conftest import motions
 from tests.recording.conftest import of_file
+from tests.refusals import refused
 
 RATE = 1000.0  # Hz
 
@@ -123,37 +124,35 @@ def same(arm):
     return arm
 
 
-FOLLOWS_NOT = r"'elbow' does not follow: after 0\.\d+ s .* 0.1 rad .* limit of 1 N·m"
 LOOSE = {"bandwidth": [0.2], "feed_forward": 0.0, "tolerance": 0.01}
 WILD = {"bandwidth": [800.0], "damping_ratio": [0.05]}
 THIN, LIGHT = links((0, slice(4, 10), 0.1)), links((slice(None), slice(None), 1e-17))
-MANY = r"plant.viscous has 3 values, expected 2 \(one per joint\) or one"
-REFUSED = [  # the error, its words, what is changed of the arm, and settings
-    (InfeasibleError, FOLLOWS_NOT, weak, {}),
-    (InfeasibleError, "0.01 rad off its reference$", same, LOOSE),
-    (InfeasibleError, "does not follow", same, WILD),
-    (RobotError, "'upper_arm': .* too far out for its inertia", THIN, {}),
-    (RobotError, "MuJoCo refuses planar2", LIGHT, {}),
-    (ShapeError, "0.001 s, expected 0.01 s: the plant runs at 100 Hz", same, {"rate": 100.0}),
-    (ConfigError, MANY, same, {"viscous": [0.1] * 3}),
+REFUSED = [  # the error, the names in it, what is changed of the arm, and settings
+    (InfeasibleError, ["'elbow'", "0.1 rad", "1 N·m"], weak, {}),
+    (InfeasibleError, ["0.01 rad"], same, LOOSE),
+    (InfeasibleError, ["0.1 rad"], same, WILD),
+    (RobotError, ["'upper_arm'"], THIN, {}),
+    (RobotError, ["MuJoCo", "planar2"], LIGHT, {}),
+    (ShapeError, ["0.001 s", "0.01 s", "100 Hz"], same, {"rate": 100.0}),
+    (ConfigError, ["plant.viscous", "3", "2"], same, {"viscous": [0.1] * 3}),
 ]
 
 
-@pytest.mark.parametrize(("error", "words", "make", "settings"), REFUSED)
-def test_invalid_executions_are_refused(planar, error, words, make, settings):
-    with pytest.raises(error, match=words):
+@pytest.mark.parametrize(("error", "names", "make", "settings"), REFUSED)
+def test_invalid_executions_are_refused(planar, error, names, make, settings):
+    with refused(error, *names):
         Plant(make(planar), replace(IDEAL, **settings)).follow(motions(planar))
 
 
 def test_motions_of_another_arm_and_those_not_finite_are_refused(arm, planar):
     motion = motions(planar)
-    with pytest.raises(ShapeError, match=r"position is \(1, 4001, 2\), expected \(B, 4001, 7\)"):
+    with refused(ShapeError, "position", "(1, 4001, 2)", "(B, 4001, 7)"):
         Plant(arm, IDEAL).follow(motion)
     motion.velocity[0, 5, 1] = np.nan
-    with pytest.raises(ShapeError, match="velocity of the motion is not finite"):
+    with refused(ShapeError, "velocity"):
         Plant(planar, IDEAL).follow(motion)
 
 
 def test_impossible_links_are_named(arm):
-    with pytest.raises(RobotError, match=r"link 'link_2': its mass is 0 kg.*link 'link_5': its mass is -"):
+    with refused(RobotError, "'link_2'", "0 kg", "'link_5'"):
         mujoco_model(links((1, 0, 0.0), (4, 0, -1.0))(arm))

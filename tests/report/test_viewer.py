@@ -15,7 +15,7 @@ import trimesh
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.viewer.page import fewer, region_surface, write_view
-from sidegan.robot.visuals import Part
+from sidegan.robot.visuals import Surface
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.report.pages import Page
 
@@ -111,7 +111,7 @@ def test_the_viewer_loads_nothing_external(html):
 
 def test_meshes_with_too_many_triangles_are_decimated_in_place():
     ball = trimesh.creation.icosphere(7, 0.1)
-    whole = Part(0, np.asarray(ball.vertices), np.asarray(ball.faces))
+    whole = Surface(0, np.asarray(ball.vertices), np.asarray(ball.faces))
     assert len(whole.faces) > 200_000
     (less,) = fewer([whole])
     assert 20_000 < len(less.faces) <= 120_000

@@ -18,7 +18,8 @@ from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.store import Store
 from sidegan.report.export import markdown
-from sidegan.robot.chain import choose
+from sidegan.robot import command_messages
+from sidegan.robot.chain import choose_chain
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 from sidegan.validity import Plane
@@ -49,7 +50,7 @@ def facts_of(context):
     for kind, values in arm.higher_limits.items():
         limits[kind] = dict(zip(arm.joint_names, values.tolist()))
     return Facts(
-        locked=choose(tree, arm.setup)[1],
+        locked=choose_chain(tree, arm.setup)[1],
         exempt=constraints.of_links.exempt,
         floor=floors[0] if floors else -np.inf,
         standing=[name.rpartition(" in region ")[0] for name in constraints.never_out],
@@ -63,7 +64,8 @@ def remedied(work, given=()):
     for _ in range(_ROUNDS):
         said = [f"{name}={value}" for name, value in words.items()]
         try:
-            return work(said), said
+            with command_messages():
+                return work(said), said
         except SideganError as error:
             offered = [(a or b).split("=", 1) for a, b in _REMEDY.findall(str(error))]
             tips = [word for word in offered if word[0] == "robot.tip" and "robot.tip" not in words]

@@ -12,7 +12,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules, load_robot
 from sidegan.robot.arm import Pieces
-from sidegan.validity import Box, Constraints, Convex, Plane, Region, Sphere
+from sidegan.validity import Box, Constraints, Convex, Obstacle, Plane, Sphere
 from sidegan.validity.capsules import place_points
 from sidegan.validity.regions import tables
 
@@ -35,7 +35,7 @@ def random_segments(count: int, seed: int = 0, sets: int = 1) -> tuple[Array, ..
 
 
 def segments_as_capsules(
-    a: Sequence[Array], b: Sequence[Array], pairs: Array, guarded: Array, regions: Sequence[Region] = ()
+    a: Sequence[Array], b: Sequence[Array], pairs: Array, guarded: Array, regions: Sequence[Obstacle] = ()
 ) -> tuple[Chain, Shapes]:
     """Sets of segments with end points (3, N) as capsules on the base of the planar arm, of radius zero."""
     ends = [np.concatenate([*x], 1).T for x in (a, b)]

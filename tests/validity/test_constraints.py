@@ -12,6 +12,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane
 from tests.chains import random_states
+from tests.refusals import refused
 from tests.robot.test_cases import arm_of, inertial
 from tests.robot.urdf import collision
 
@@ -21,8 +22,8 @@ from .test_search import assert_bounded, assert_sound, shaped
 
 def test_exempt_pairs_are_stated(arm: Arm) -> None:
     said = Constraints(arm, [DESK]).described()
-    assert "20 of 21 pairs of links (may touch: link_5 – link_7 (the wrist, touch in 100 %))" in said
-    assert "6 of 7 links against 1 region (always inside: link_1 in region 0)" in said
+    assert "20 of 21" in said and "link_5 – link_7 (the wrist" in said
+    assert "6 of 7" in said and "link_1 in region 0" in said
     bare = replace(arm, capsules=only(arm.capsules, np.arange(4)))
     assert "without a shape" in Constraints(bare).described()
 
@@ -71,7 +72,7 @@ def test_torque_is_constrained_only_where_limited_and_requested(planar: Arm) -> 
 def test_a_home_may_be_close_to_a_limit_but_not_beyond(planar: Arm, beyond: float) -> None:
     home, constraints = [float(planar.position_upper[0]) + beyond, 0.0], Constraints(planar)
     if beyond > 0:
-        with pytest.raises(InfeasibleError, match=r"position of .*: margin -1e-06$"):
+        with refused(InfeasibleError, "position of shoulder", "-1e-06"):
             constraints.refuse_home(home)
     else:
         constraints.refuse_home(home)
@@ -80,7 +81,7 @@ def test_a_home_may_be_close_to_a_limit_but_not_beyond(planar: Arm, beyond: floa
 def test_acceleration_and_jerk_limits_are_constraints(arm: Arm) -> None:
     constraints = Constraints(limited(arm, ["acceleration", "jerk"]))
     said = constraints.described()
-    assert said.startswith("position and velocity of 7 joints, acceleration of 5, jerk of 5, torque of 7; ")
+    assert all(limit in said for limit in ("acceleration of 5", "jerk of 5", "torque of 7"))
     assert list(constraints.labels)[:4] == ["position", "velocity", "acceleration", "jerk"]
     still = np.zeros((1, 7))
     margins = constraints.margins(still, still, 1 - still, -2 - still)
@@ -164,22 +165,22 @@ def test_the_clearance_of_boxes_is_a_little_larger_at_edges(arm: Arm) -> None:
     assert (lost >= -1e-9).all() and (lost <= (3**0.5 - 1) * FAR / 2 + 1e-9).all()
 
 
-def offered(refused: InfeasibleError) -> float:
-    """The clearance above zero that a refusal prints."""
-    found = float(re.search(r"'workspace\.clearance=([^']+)'", str(refused)).group(1))
+def offered(error: InfeasibleError) -> float:
+    """The clearance above zero that a refusal offers after the one that is too large."""
+    found = float(re.findall(r"clearance=([\d.]+)", str(error))[-1])
     assert found > 0
     return found
 
 
 def test_an_impossible_clearance_is_refused_with_the_pair(arm: Arm, planar: Arm) -> None:
-    with pytest.raises(InfeasibleError, match="is too large, these are always closer") as refused:
+    with refused(InfeasibleError, "clearance=0.6", "base – forearm") as caught:
         Constraints(planar, clearance=0.6)
-    assert "base – forearm" in str(refused.value) and "may_touch" not in str(refused.value)
-    Constraints(planar, clearance=offered(refused.value))
+    assert "may_touch" not in str(caught.value)
+    Constraints(planar, clearance=offered(caught.value))
     low = [Box((-1, -1, 0), (1, 1, 0.35))]
-    with pytest.raises(InfeasibleError, match="always closer: upper_arm in region 0") as refused:
+    with refused(InfeasibleError, "clearance=0.2", "upper_arm in region 0") as caught:
         Constraints(planar, low, clearance=0.2)
-    Constraints(planar, low, clearance=offered(refused.value))
+    Constraints(planar, low, clearance=offered(caught.value))
     assert "0.04 m kept clear" in Constraints(arm, clearance=FAR).described()
     assert "kept clear" not in Constraints(arm).described()
 
@@ -192,6 +193,5 @@ def test_links_always_near_a_plane_only_keep_out_of_it(planar: Arm) -> None:
     before, after = plain.at_rest(q)["keep_out"], clear.at_rest(q)["keep_out"]
     np.testing.assert_allclose(after[:, 1], before[:, 0], atol=1e-9)
     np.testing.assert_allclose(after[:, 0], before[:, 1] - 0.2, atol=1e-9)
-    words = "0.2 m from regions and 0.1 m between links (always closer: upper_arm in region 0) kept clear"
-    assert words in clear.described()
+    assert all(words in clear.described() for words in ("0.2 m", "0.1 m", "upper_arm in region 0"))
     assert_sound(clear, Trajectory(2), 0.3 * moderate(planar, Trajectory(2), 30, seed=3))

@@ -15,7 +15,7 @@ from sidegan.kernels import gjk as kernel
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
-from sidegan.validity.capsules import clearances
+from sidegan.validity.capsules import capsule_clearances
 from tests.chains import lenient, random_states
 from tests.oracle import capsule_geometry, chain_model
 
@@ -27,7 +27,7 @@ def segment_distance(a1: Array, b1: Array, a2: Array, b2: Array) -> Array:
     first = np.arange(a1.shape[1])
     pairs = np.stack([first, first + len(first)], 1)
     chain, shapes = segments_as_capsules([a1, a2], [b1, b2], pairs, pairs[:0])
-    return clearances(chain, shapes, np.zeros((1, 2)))[0][0]
+    return capsule_clearances(chain, shapes, np.zeros((1, 2)))[0][0]
 
 
 def point_to_segment(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -160,7 +160,7 @@ def margins(region, a, b):
     """Signed distance [m], (N,), of segments with end points (3, N) to a region."""
     guarded = np.stack([np.zeros(a.shape[1]).astype(int), np.arange(a.shape[1])], 1)
     chain, shapes = segments_as_capsules([a], [b], guarded[:0], guarded, [region])
-    return clearances(chain, shapes, np.zeros((1, 2)).astype(float))[1][0]
+    return capsule_clearances(chain, shapes, np.zeros((1, 2)).astype(float))[1][0]
 
 
 def test_plane_margin_is_that_of_the_lower_end() -> None:

@@ -1,7 +1,6 @@
 """Default home and effort, straight paths, and what cannot be checked, which is refused."""
 
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from sidegan.robot import Arm, Setup, load_robot
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check, default_home, usual_effort
 from sidegan.validity.check import require_straight
 from sidegan.validity.home import refuse_degrees
+from tests.refusals import refused
 
 from .critical import DESK, holding, limited
 from .test_pairs import chain
@@ -40,7 +40,7 @@ def test_home_is_mid_range_where_zero_is_infeasible(lower):
 
 def test_home_is_a_free_position_near_mid_range():
     bent, regions = bent_arm(), [Plane((0, 0, 1), 0.7)]  # the elbow is too low in the middle
-    with pytest.raises(InfeasibleError, match="keep_out of forearm"):
+    with refused(InfeasibleError, "keep_out of forearm"):
         Constraints(bent, regions).refuse_home((1, 0))
     home = default_home(Constraints(bent, regions))
     Constraints(bent, regions).refuse_home(home)
@@ -51,12 +51,12 @@ def test_home_is_a_free_position_near_mid_range():
 
 @pytest.mark.parametrize("positions", [[0.0, -90.0, 90.0, 0.0, 45.0, 0.0, 0.0], [120.0] + 6 * [0.0]])
 def test_positions_in_degrees_are_refused_with_radians(arm, positions):
-    with pytest.raises(ConfigError, match=r"has -?\d+ for .* are these degrees\?") as told:
+    with refused(ConfigError, "home", "rad") as caught:
         refuse_degrees(arm, positions, "trajectory.home")
-    said = str(told.value).rpartition("trajectory.home=[")[2].removesuffix("]'")
+    said = str(caught.value).rpartition("home=[")[2].removesuffix("]")
     refuse_degrees(arm, radians := [float(x) for x in said.split(",")], "trajectory.home")
     assert radians == pytest.approx([math.radians(x) for x in positions], abs=1e-3)
-    with pytest.raises(ConfigError, match="are these degrees"):
+    with refused(ConfigError, "home", "rad"):
         usual_effort(arm, positions)
 
 
@@ -100,10 +100,6 @@ WALL = Plane((1, 0, 0), -0.5)
 HUGE = Box((-3.0, -3.0, -3.0), (3.0, 3.0, 3.0))
 BETWEEN = [Plane((0, 0, 1), 0.7), Plane((0, 0, -1), -0.75)]  # each of which leaves room
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
-OBSTACLE = "a sphere needs|a cylinder needs|an obstacle needs"
-A_PLANE = "non-zero normal of three numbers and an offset, got Plane"
-A_BOX = "three coordinates in lower, all below those in upper, got Box"
-A_HOME = "must be 2 finite joint positions"
 
 
 def home(*position, arm=PLANAR):
@@ -139,62 +135,62 @@ def touching(**setup):
     return run
 
 
-# What is done in an empty folder, and the message, a regular expression.
+# What is done in an empty folder, and the names and numbers that the refusal is about.
 REFUSED = {
     ConfigError: [
-        (lambda _: Plane((0.0, 0.0, 0.0), 0.1), A_PLANE),
-        (lambda _: Plane((0.0, math.nan, 1.0), 0.1), A_PLANE),
-        (lambda _: Plane((0.0, 0.0, 1.0), math.inf), A_PLANE),
-        (lambda _: Plane((1.0, 1.0, 0.0), -0.3), r"1\.414 long.*unit normal, \[0\.707107, 0\.707107, 0\]"),
-        (lambda _: Box((0.0, 0.0, 0.0), (1.0, 1.0, 0.0)), A_BOX),
-        (lambda _: Box((0.0, 0.0, 0.0), (1.0, 1.0)), A_BOX),
-        (lambda _: Box((0.0, 0.0, -math.inf), (1.0, 1.0, 1.0)), A_BOX),
-        (lambda _: Sphere((0, 0, 0), 0.0), OBSTACLE),
-        (lambda _: Sphere((0, 0), 1.0), OBSTACLE),
-        (lambda _: Convex.between((0, 0, 0), (0, 0, 0), 1.0), OBSTACLE),
-        (lambda _: Convex.between((0, 0, 0), (0, 0, 1), -1.0), OBSTACLE),
-        (lambda _: Convex.around(POINTS), OBSTACLE),
-        (lambda _: Convex.around(np.where(POINTS > 0, POINTS, math.inf)), OBSTACLE),
+        (lambda _: Plane((0.0, 0.0, 0.0), 0.1), ("Plane",)),
+        (lambda _: Plane((0.0, math.nan, 1.0), 0.1), ("Plane",)),
+        (lambda _: Plane((0.0, 0.0, 1.0), math.inf), ("Plane",)),
+        (lambda _: Plane((1.0, 1.0, 0.0), -0.3), ("Plane", "1.414", "[0.707107, 0.707107, 0]")),
+        (lambda _: Box((0.0, 0.0, 0.0), (1.0, 1.0, 0.0)), ("Box",)),
+        (lambda _: Box((0.0, 0.0, 0.0), (1.0, 1.0)), ("Box",)),
+        (lambda _: Box((0.0, 0.0, -math.inf), (1.0, 1.0, 1.0)), ("Box",)),
+        (lambda _: Sphere((0, 0, 0), 0.0), ("Sphere",)),
+        (lambda _: Sphere((0, 0), 1.0), ("Sphere",)),
+        (lambda _: Convex.between((0, 0, 0), (0, 0, 0), 1.0), ("cylinder", "(0, 0, 0)")),
+        (lambda _: Convex.between((0, 0, 0), (0, 0, 1), -1.0), ("cylinder", "-1.0")),
+        (lambda _: Convex.around(POINTS), ("obstacle",)),
+        (lambda _: Convex.around(np.where(POINTS > 0, POINTS, math.inf)), ("obstacle",)),
     ],
     InfeasibleError: [
-        (home(2.7, 0.0), r"\[2.7, 0.0\].*of shoulder: margin -0\.1;.*keep_out of forearm in region 0"),
-        (home(0.0, -3.0), r"position of elbow: margin -0\.1; collision of base – forearm: margin -0\.08"),
-        (home(2.5, 0.0), r"keep_out of forearm in region 0: margin -0\.28"),
-        (home(1.0, 0.0, arm=weak(PLANAR, 5, 100)), "torque of shoulder"),
+        (home(2.7, 0.0), ("[2.7, 0.0]", "of shoulder: margin -0.1;", "keep_out of forearm in region 0")),
+        (home(0.0, -3.0), ("position of elbow: margin -0.1", "collision of base – forearm: margin -0.08")),
+        (home(2.5, 0.0), ("keep_out of forearm in region 0: margin -0.28",)),
+        (home(1.0, 0.0, arm=weak(PLANAR, 5, 100)), ("torque of shoulder",)),
         (
             lambda _: default_home(Constraints(bent_arm(), BETWEEN)),
-            r"keep_out of \w+ in region \d.*workspace=free",
+            ("keep_out of", "workspace={'desk': None}"),
         ),
         (
             lambda _: default_home(Constraints(weak(bent_arm(), 1e-7, 1e-7))),
-            r"torque of shoulder(?!.*workspace).*trajectory\.home=.*robot\.effort",
+            ("torque of shoulder", "home=[…]", "effort=…"),
         ),
-        (lambda _: Constraints(THICK), "are the shapes in metres"),
-        (lambda _: Constraints(ARM, [DESK, Plane((0.0, 0.0, 1.0), 5.0)]), "region 1 cannot be avoided"),
-        (lambda _: Constraints(ARM, [DESK, HUGE]), "region 1 cannot be avoided"),
-        (straight([0.0, 0.0], [-2.0, 0.0], [WALL]), r"keep_out of .*, \d+% along it"),
-        (straight([0.0, 0.0], [3.0, 0.0], [WALL]), "position of shoulder"),
-        (touching(may_touch=[("three", "one")]), r"may_touch=\[\[one, three\], \[base, two\]\]"),
+        (lambda _: Constraints(THICK), (ARM.name,)),
+        (lambda _: Constraints(ARM, [DESK, Plane((0.0, 0.0, 1.0), 5.0)]), ("region 1",)),
+        (lambda _: Constraints(ARM, [DESK, HUGE]), ("region 1",)),
+        (straight([0.0, 0.0], [-2.0, 0.0], [WALL]), ("keep_out of", "% along it")),
+        (straight([0.0, 0.0], [3.0, 0.0], [WALL]), ("position of shoulder",)),
+        (touching(may_touch=[("three", "one")]), ("may_touch=[['one', 'three'], ['base', 'two']]",)),
     ],
-    RobotError: [(touching(may_touch=[("base", "tow")]), "no link 'tow', expected for example two")],
+    RobotError: [(touching(may_touch=[("base", "tow")]), ("'tow'", "two"))],
     ShapeError: [
-        (home(0.0), A_HOME),
-        (home(0.0, math.nan), A_HOME),
-        (lambda _: usual_effort(PLANAR, [0.1]), r"home position \[0.1\] must be 2 finite joint positions"),
-        (straight([math.nan, 0.0]), "2 finite joint positions"),
-        (margins(*[(3, 6)] * 3), r"expected 3 times \(N, 7\)"),
-        (margins((3, 7), (2, 7), (3, 7)), r"expected 3 times \(N, 7\)"),
-        (margins((1, 7), (1, 7), (1, 7), (1, 6)), r"expected 3 times \(N, 7\)"),
-        (margins(*[(1, 7)] * 3, arm=limited(ARM, ["jerk"])), r"expected 4 times \(N, 7\)"),
-        (checked(Trajectory(2), (1, 2, 6, 2)), "trajectories have 2 joints, the arm has 7"),
-        (checked(Trajectory(7), (1, 7, 5, 2)), r"expected \(B, 7, 6, 2\)"),
-        (checked(Trajectory(7), (2, 7, 6, 2), math.inf), r"coefficients\[1\] are not finite"),
+        (home(0.0), ("[0.0]", "2 finite")),
+        (home(0.0, math.nan), ("[0.0, nan]", "2 finite")),
+        (lambda _: usual_effort(PLANAR, [0.1]), ("[0.1]", "2 finite")),
+        (straight([math.nan, 0.0]), ("2 finite",)),
+        (margins(*[(3, 6)] * 3), ("3 times (N, 7)",)),
+        (margins((3, 7), (2, 7), (3, 7)), ("3 times (N, 7)",)),
+        (margins((1, 7), (1, 7), (1, 7), (1, 6)), ("3 times (N, 7)",)),
+        (margins(*[(1, 7)] * 3, arm=limited(ARM, ["jerk"])), ("4 times (N, 7)",)),
+        (checked(Trajectory(2), (1, 2, 6, 2)), ("2 joints", "7")),
+        (checked(Trajectory(7), (1, 7, 5, 2)), ("(B, 7, 6, 2)",)),
+        (checked(Trajectory(7), (2, 7, 6, 2), math.inf), ("coefficients[1]",)),
     ],
 }
-CASES = [(error, case, words) for error, cases in REFUSED.items() for case, words in cases]
+CASES = [(error, case, names) for error, cases in REFUSED.items() for case, names in cases]
 
 
-@pytest.mark.parametrize(("error", "case", "words"), CASES, ids=[words for *_, words in CASES])
-def test_is_refused(error, case, words, tmp_path):
-    with pytest.raises(error, match=re.compile(words, re.DOTALL)):
+@pytest.mark.parametrize(("error", "case", "names"), CASES, ids=[" ".join(names) for *_, names in CASES])
+def test_is_refused(error, case, names, tmp_path):
+    with refused(error, *names):
         case(tmp_path)

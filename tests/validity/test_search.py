@@ -15,7 +15,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 from sidegan.validity import Constraints, Plane, check
 from sidegan.validity.capsules import piece_distances, reaches
-from sidegan.validity.constraints import NAMES
+from sidegan.validity.constraints import CONSTRAINTS
 from tests.chains import constrained, driven, random_chain, random_states
 from tests.oracle import chain_model
 
@@ -208,7 +208,7 @@ def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Array, h
     The names of the constraints that were not come back.
     """
     from sidegan.kernels.proof import everything
-    from sidegan.validity.search import Search
+    from sidegan.validity.search import MarginSearch
 
     count, seen = round(trajectory.period / (2 * half)), set()
     for index, single in zip(range(1, count, max(1, count // len(c))), c[:, None]):
@@ -216,11 +216,11 @@ def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Array, h
         for name, margins in margins_within(constraints, trajectory, single, times).items():
             distance = name in ("collision", "keep_out")
             now = margins[10].min() if distance else margins[10]
-            search = Search(constraints, trajectory, single)
+            search = MarginSearch(constraints, trajectory, single)
             search.model = tightened(search.model, name, now)
             asked = everything(search.model, 1)
             search.visit(np.array([[0, index]]), asked, count, last=True)
-            least = search.smallest.margin[0, NAMES.index(name)]
+            least = search.smallest.margin[0, CONSTRAINTS.index(name)]
             slack = 1e-7 * max(1.0, float(np.abs(now).max()))
             assert float((margins - now).min()) + EPS >= min(least, 0.0) - slack, name
             seen |= {name} if least < 0 else set()  # else it hardly moves

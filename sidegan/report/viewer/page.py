@@ -24,7 +24,7 @@ from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.report.document import web_page
 from sidegan.report.style import PALETTE
 from sidegan.robot import Arm
-from sidegan.robot.visuals import Part, capsule_surface, visual_parts
+from sidegan.robot.visuals import Surface, capsule_surface, visual_parts
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.constraints import DISTANCES
 
@@ -138,7 +138,7 @@ def _surfaces(constraints: Constraints) -> Content:
     """Surfaces of the arm, its capsules, and obstacles; links without a visual show their capsules."""
     capsules = constraints.arm.capsules
     each = zip(capsules.link.tolist(), capsules.a, capsules.b, capsules.radius.tolist())
-    shapes = [Part(link, *capsule_surface(a, b, radius)) for link, a, b, radius in each]
+    shapes = [Surface(link, *capsule_surface(a, b, radius)) for link, a, b, radius in each]
     looks = visual_parts(constraints.arm)
     seen = {part.link for part in looks}
     looks = fewer([*looks, *(part for part in shapes if part.link not in seen)])
@@ -154,7 +154,7 @@ def _surfaces(constraints: Constraints) -> Content:
     return head, arrays
 
 
-def region_surface(region: Box | Sphere | Convex) -> Part:
+def region_surface(region: Box | Sphere | Convex) -> Surface:
     """The surface of a bounded keep-out region."""
     import trimesh  # slow to import
 
@@ -164,10 +164,10 @@ def region_surface(region: Box | Sphere | Convex) -> Part:
         mesh = trimesh.convex.convex_hull(region.points)
     else:
         mesh = trimesh.creation.box(bounds=[region.lower, region.upper])
-    return Part(-1, np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    return Surface(-1, np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
-def fewer(parts: Sequence[Part]) -> list[Part]:
+def fewer(parts: Sequence[Surface]) -> list[Surface]:
     """Surfaces with coincident vertices merged, and nearby ones too if there are too many triangles.
 
     Vertices in a grid cell are replaced by their mean; degenerate triangles are dropped.
@@ -180,14 +180,14 @@ def fewer(parts: Sequence[Part]) -> list[Part]:
     return [part for part in made if len(part.faces)]
 
 
-def _clustered(part: Part, size: float) -> Part:
+def _clustered(part: Surface, size: float) -> Surface:
     size = max(size, np.ptp(part.vertices) / _CELLS)
     _, index = _distinct(np.floor(part.vertices / size).astype(np.int64))
     count = np.bincount(index)
     means = np.stack([np.bincount(index, column) for column in part.vertices.T], 1) / count[:, None]
     faces = index[part.faces]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
-    return Part(part.link, means, faces[_distinct(np.sort(faces, axis=1))[0]])
+    return Surface(part.link, means, faces[_distinct(np.sort(faces, axis=1))[0]])
 
 
 def _distinct(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
