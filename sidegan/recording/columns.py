@@ -7,13 +7,13 @@ from typing import NoReturn
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
+from sidegan.recording import thresholds
 from sidegan.recording.column_names import Series, is_commanded, is_split, own_names, series_of, stamps_of
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
-from sidegan.recording.stamps import dated
-from sidegan.recording.tables import Table, Where
+from sidegan.recording.stamps import date_columns
+from sidegan.recording.tables import SignalColumns, Table
 from sidegan.robot import setting
 
-_MOST_LEFT = 2  # columns after the arm's last joint that may be a gripper's; more belong to another arm
 _SHOWN = 3  # patterns that a message suggests
 _JOINT = re.compile(r"\s*((joint|axis|motor)([ _]?(name|id|index|number))?|name|id)\s*", re.IGNORECASE)
 
@@ -83,7 +83,7 @@ class Finder:
         self.numbering, *others = self._likeliest()
         self.ambiguous = bool(others)
 
-    def found(self) -> tuple[Where, list[str]]:
+    def found(self) -> tuple[SignalColumns, list[str]]:
         """Columns of time (two if split into seconds and nanoseconds) and each signal, and remarks."""
         time = self._time()
         where = {"time": time} if time else {}
@@ -118,7 +118,7 @@ class Finder:
         names = self.settings.time.split("|")
         stamps = [name for name in names if name in self.available][:1]
         if not stamps and AUTO in names:
-            stamps = stamps_of(self.available) or dated(self.table)
+            stamps = stamps_of(self.available) or date_columns(self.table)
         if not stamps and self.settings.rate is None:
             wanted = "like 't' or 'time'" if AUTO in names else " or ".join(map(repr, names))
             raise RecordingError(
@@ -146,7 +146,7 @@ class Finder:
             self._refuse_several(signal, [*ways.values()])
         for columns, pattern in ways.items():
             left = 0 if "{joint}" in pattern else len(self._left(columns, pattern))
-            if left > _MOST_LEFT:
+            if left > thresholds.MOST_GRIPPER_COLUMNS:
                 raise RecordingError(
                     f"{self.file} has {signal} of {counted(len(columns) + left, 'joint')}, the arm has "
                     f"{len(columns)}; if the first {len(columns)} are the arm's: {_typed(signal, pattern)}"
@@ -226,7 +226,7 @@ class Finder:
             return []
         return [f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, etc."]
 
-    def _left_over(self, where: Where, patterns: Mapping[str, str]) -> list[str]:
+    def _left_over(self, where: SignalColumns, patterns: Mapping[str, str]) -> list[str]:
         """A remark on columns of more joints than the arm has."""
         lefts = {signal: self._left(where[signal], pattern) for signal, pattern in patterns.items()}
         left = [*dict.fromkeys(column for columns in lefts.values() for column in columns)]

@@ -13,13 +13,12 @@ import scipy  # submodules load lazily
 from sidegan.base.arrays import Array
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
+from sidegan.recording import thresholds
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import bandwidth_of
 
 FOLDER = "trajectories"  # in the folder of an excite run
 _RATE = 50.0  # [Hz] sampling rate of the search
-_ALIKE = 0.9  # least correlation of recorded and commanded velocities
-_NEAR = 0.1  # [rad or m] largest difference of mean commanded and recorded positions
 _ROUNDS = 4  # of refining the start of a repetition
 
 
@@ -87,7 +86,9 @@ def load_commanded(path: Path, joint_names: Sequence[str], coupling: Array) -> l
     return found
 
 
-def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tuple[list[Recording], Repeated]:
+def average_repetitions(
+    recording: Recording, sent: Sequence[Commanded], gap: float
+) -> tuple[list[Recording], Repeated]:
     """Each commanded trajectory found in a recording, averaged over its repetitions, in order of time.
 
     Repetitions that contain a gap [s] are left out.
@@ -136,7 +137,7 @@ def _starts(time: Array, position: Array, sent: Sequence[Commanded], gap: float)
     starts: dict[int, list[float]] = {}
     while True:
         k = int(np.argmax([x.max(initial=0.0) for x in alike]))
-        if alike[k].max(initial=0.0) < _ALIKE:
+        if alike[k].max(initial=0.0) < thresholds.COMMANDED:
             return {k: sorted(starts[k]) for k in sorted(starts)}
         at = int(alike[k].argmax())
         start = _start_time(time, position, sent[k], float(grid[at]))
@@ -173,4 +174,4 @@ def _start_time(time: Array, position: Array, sent: Commanded, start: float) -> 
     last = float(time[-1] - sent.time[-1])
     slack = 1 / _RATE
     inside = first - slack <= start <= last + slack
-    return min(max(start, first), last) if inside and off < _NEAR else None
+    return min(max(start, first), last) if inside and off < thresholds.COMMANDED_PLACE else None

@@ -11,21 +11,19 @@ import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
-from sidegan.recording.grid import stretches
+from sidegan.recording import thresholds
+from sidegan.recording.grid import marked_ranges
 from sidegan.recording.recording import Recording
 
-_STRETCH = 32  # consecutive common rows that are no coincidence
 _COUNTED = ("torque", "current", "velocity", "acceleration")  # compared if both recordings have them
 _PART, _PARTS = 8.0, 4  # [s] of a recording that are looked for in another, and how many such parts
 _REACH, _GROWTH = 0.5, 1.15  # [s] of the longest filter that is found, and ratio of its neighbouring lags
 _COARSE = 0.02  # [s] step in which a part is looked for
 _ROWS = 800  # of a part to which a filter is fitted
 _PLACES = 3  # at which it is compared: periodic motions look alike once a period
-_LIKE = 0.05  # most of a part's variance that may differ from the other recording before a filter is fitted
 _TINY = 1e-30
 _ORDER = 6  # of the differences that only noise is left in
 _CALM = 0.25  # share of these that no jump is in
-_COPY = 0.4  # most of the noise's variance that is left of a copy; of a repetition, more than all is left
 
 
 class Digests(NamedTuple):
@@ -117,7 +115,7 @@ def _is_copy(source: Digests, noise: Array, time: Array, torque: Array) -> bool:
         return float(squares / max(len(at) - 2 * len(edges), 1e-9) / max(passed * noise[j] ** 2, _TINY))
 
     places = [time[few, None] + offset + edges for offset in _places(source, time, torque)]
-    return bool(noisy) and any(all(left(j, at) < _COPY for j in noisy) for at in places)
+    return bool(noisy) and any(all(left(j, at) < thresholds.COPIED_NOISE for j in noisy) for at in places)
 
 
 def _places(source: Digests, time: Array, torque: Array) -> list[float]:
@@ -133,7 +131,7 @@ def _places(source: Digests, time: Array, torque: Array) -> list[float]:
     apart = squares - 2 * products + np.square(part).sum()
     near = round(_REACH / _COARSE)
     found: list[float] = []
-    while len(found) < _PLACES and apart[best := int(apart.argmin())] < _LIKE * part.size:
+    while len(found) < _PLACES and apart[best := int(apart.argmin())] < thresholds.LIKE_PART * part.size:
         found.append(float(source.time[0] - time[0]) + best * _COARSE)
         apart[max(0, best - near) : best + near] = np.inf
     return found
@@ -146,8 +144,8 @@ def _at(at: Array, time: Array, x: Array) -> Array:
 
 def _stretch(common: Array, time: Array) -> str:
     """Start and end of the longest stretch of common rows, as text; empty if it may be a coincidence."""
-    begins, ends = stretches(common)
-    if not (ends - begins >= _STRETCH).any():
+    begins, ends = marked_ranges(common)
+    if not (ends - begins >= thresholds.SAME_ROWS).any():
         return ""
     longest = int(np.argmax(ends - begins))
     begin, end = time[[begins[longest], ends[longest] - 1]]

@@ -8,27 +8,19 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
-from sidegan.recording.grid import held, stretches
+from sidegan.recording import thresholds
+from sidegan.recording.grid import constant_ranges, marked_ranges
 from sidegan.recording.overlap import Digests, digests_of
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
 
-SLOWEST = 0.5  # [s] longest plausible time between samples
 HEADROOM = 12.0  # ratio of the low-pass's cut-off to the motion's bandwidth
-_BRIDGED = 0.25  # cut-off periods that are interpolated over
-_GAP_STEPS = 5.0  # sampling steps that are interpolated over
-_LEAST_SAMPLES = 10
-_RARE = 0.01  # share of backward steps below which they are restarts of a clock
 _LEADING = 0.0999999  # fraction of a second below which it has a leading zero
 _HEAD = 120.0  # [s] at the start of the motion from which the bandwidth is measured
 _HEAD_RATE = 50.0  # [Hz] sampling rate of that part
 _LEAST_HEAD = 16  # samples of that part
 _MOVED = 0.005  # [rad or m] from its initial position beyond which the arm moves
 _ENERGY = 0.98  # share of the motion's energy below its bandwidth
-_CLIPPED = 5  # mean runs of equal samples at an extreme that mean saturation
-_NEXT = 0.2  # of such a run: longest time one quantum from the extreme, just before and after it
-_STUCK = 0.3  # share of its range through which a joint moves while its frozen torque is constant
-_LEAST_STUCK = 20  # samples of a frozen torque; fewer are coarse quantisation
 
 
 class Signal(NamedTuple):
@@ -85,13 +77,15 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
     name = recording.name
     samples = len(recording)
     time = recording.time
-    if samples < _LEAST_SAMPLES:
-        raise RecordingError(f"{name} has {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
+    if samples < thresholds.LEAST_SAMPLES:
+        raise RecordingError(
+            f"{name} has {counted(samples, 'sample')}, expected {thresholds.LEAST_SAMPLES} or more"
+        )
     clock = clock_of(name, time, settings.gap)
-    slow = clock.step > SLOWEST
+    slow = clock.step > thresholds.LONGEST_STEP
     bandwidth = 0.0 if slow else bandwidth_of(name, time, recording.position, clock.step)
     if settings.gap is None and bandwidth:
-        limit = max(clock.gap, _BRIDGED / (settings.cutoff or HEADROOM * bandwidth))
+        limit = max(clock.gap, thresholds.GAP_PERIODS / (settings.cutoff or HEADROOM * bandwidth))
         long = tuple(gap for gap in clock.gaps if gap[1] > limit)
         clock = replace(clock, gap=limit, gaps=long, bridged=len(clock.gaps) - len(long))
     return Statistics(
@@ -114,8 +108,12 @@ def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
         _refuse_unpadded(name, time)
         row = int(np.argmax(steps < 0))
         # after a restart, the rows that follow are in order, and all of them early
-        follow = time[row + 1 : row + 1 + _LEAST_SAMPLES]
-        restarts = (np.diff(follow) >= 0).all() and (follow < time[row]).all() and (steps < 0).mean() < _RARE
+        follow = time[row + 1 : row + 1 + thresholds.LEAST_SAMPLES]
+        restarts = (
+            (np.diff(follow) >= 0).all()
+            and (follow < time[row]).all()
+            and (steps < 0).mean() < thresholds.RESTARTS
+        )
         remedy = "the clock restarts, so split the file there" if restarts else "sort its rows by time"
         raise RecordingError(
             f"{name}: time runs backwards, from {time[row]:.6g} s to {time[row + 1]:.6g} s, "
@@ -124,7 +122,7 @@ def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
     forward = steps[steps > 0]
     if not len(forward):
         raise RecordingError(f"{name}: all samples have the same time stamp, {time[0]:.6g} s")
-    limit = gap or _GAP_STEPS * float(np.median(forward))
+    limit = gap or thresholds.GAP_STEPS * float(np.median(forward))
     regular = forward[forward <= limit]
     if not len(regular):
         raise RecordingError(f"{name}: all samples are further apart than the longest gap, {limit:g} s")
@@ -194,7 +192,7 @@ def _signal(x: Array) -> Signal:
         quantum = steps.min(where=steps > 0, initial=np.inf)
         clipped = max(_longest_at(column, end, quantum) for end in (lower, upper)) if upper > lower else 0
         mean = len(column) / (1 + np.count_nonzero(steps))  # run of equal samples: held or quantised signals
-        clipped = clipped if clipped >= _CLIPPED * mean else 0.0
+        clipped = clipped if clipped >= thresholds.SATURATED * mean else 0.0
         found.append((lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped))
     return Signal(*np.array(found).T)
 
@@ -204,11 +202,11 @@ def _longest_at(x: Array, extreme: float, quantum: float) -> float:
 
     That is the peak of a coarsely quantised signal: it spends 0.4 times as long at the next value, or more.
     """
-    begins, ends = stretches(x == extreme)
-    first, last = stretches(np.abs(x - extreme) < 1.5 * quantum)
+    begins, ends = marked_ranges(x == extreme)
+    first, last = marked_ranges(np.abs(x - extreme) < 1.5 * quantum)
     around = np.searchsorted(first, begins, "right") - 1
     longer = (last - first)[around] - (ends - begins)
-    return float((ends - begins).max(where=longer <= _NEXT * (ends - begins), initial=0))
+    return float((ends - begins).max(where=longer <= thresholds.PEAK * (ends - begins), initial=0))
 
 
 def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
@@ -217,10 +215,10 @@ def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
     time = recording.time
     load = recording.signals()[recording.load]
     for j, (q, x) in enumerate(zip(recording.position.T, load.T)):
-        begins, ends = held(x[:, None])
+        begins, ends = constant_ranges(x[:, None])
         travel = np.maximum.reduceat(q, begins) - np.minimum.reduceat(q, begins)
-        travel[ends - begins + 1 < _LEAST_STUCK] = 0.0
+        travel[ends - begins + 1 < thresholds.FROZEN_SAMPLES] = 0.0
         widest = int(travel.argmax())
-        if travel[widest] > _STUCK * np.ptp(q):
+        if travel[widest] > thresholds.FROZEN * np.ptp(q):
             found.append((j, float(time[begins[widest]]), float(time[ends[widest]])))
     return tuple(found)

@@ -18,7 +18,7 @@ from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.column_names import stamps_of
 
-Where = dict[str, list[str]]  # columns of time and each signal; a single column may hold all joints
+SignalColumns = dict[str, list[str]]  # columns of time and each signal; a single column may hold all joints
 _NAMES = re.compile(r"(.*[._])?(joint_?)?names?", re.IGNORECASE)  # columns that may list joints
 _INFO, _FRAMES = "meta/info.json", "data/chunk-*/*.parquet"  # of LeRobot datasets, versions 2 and 3
 _TIME, _EPISODE = "timestamp", "episode_index"

@@ -12,9 +12,11 @@ from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
-from sidegan.recording.check import check_recording, read_and_check, split
-from sidegan.recording.delay import Delay, delay_of, pooled
+from sidegan.recording.check import check_recording
+from sidegan.recording.checked import hold_out
+from sidegan.recording.delay import Delay, delay_of, pool_delays
 from sidegan.recording.gravity import load_of
+from sidegan.recording.read import read_and_check
 from sidegan.recording.recording import Recording
 from sidegan.robot import Limits, Setup, load_robot
 from tests.chains import random_states
@@ -103,7 +105,7 @@ def test_a_frozen_torque_sensor_is_reported(planar, recording):
 def test_the_end_of_a_recording_is_held_out_for_validation(planar, clock):
     time = clock + 3.0 * (np.arange(len(clock)) >= 900)
     checked = check_recording(recorded(planar, time), planar, of_file())
-    first, last = split(checked, 0.3)
+    first, last = hold_out(checked, 0.3)
     assert first.name == "made, first 70%" and last.name == "made, last 30%"
     assert abs(last.kept - 0.3 * checked.kept) <= 1
     assert len(first.segments) == 2 and len(last.segments) == 1
@@ -184,10 +186,10 @@ def test_a_measured_delay_is_corrected(planar):
 
 def test_delays_of_several_recordings_are_pooled():
     """The mean by how much each tells; none where they differ, or there is nothing to pool."""
-    common = pooled([Delay(0.004, 1e-4), Delay(0.006, 2e-4)])
+    common = pool_delays([Delay(0.004, 1e-4), Delay(0.006, 2e-4)])
     assert common.seconds == pytest.approx(0.0044) and common.deviation == pytest.approx(1e-4 * 0.8**0.5)
     for other in ([], [Delay(0.03, 1e-4)], [Delay(0.0, float("inf"))]):
-        assert pooled([Delay(0.004, 1e-4), *other]) is None
+        assert pool_delays([Delay(0.004, 1e-4), *other]) is None
     # at a second the search was stopped: the torques are not late by just that
     believed = [Delay(seconds, 1e-4).believed for seconds in (0.999, 4e-4, 1.0, -1.0, 2e-4)]
     assert believed == [True, True, False, False, False]

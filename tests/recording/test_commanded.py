@@ -12,7 +12,7 @@ from sidegan.errors import RecordingError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
 from sidegan.recording.check import check_recording
-from sidegan.recording.commanded import averaged, load_commanded
+from sidegan.recording.commanded import average_repetitions, load_commanded
 from sidegan.recording.recording import Recording
 from tests.recording.conftest import of_file
 
@@ -61,7 +61,7 @@ def logged(planar, true, order, delay=0.0, gap=None):
 
 def test_repetitions_are_found_and_averaged(planar, true, sent):
     recording, begins = logged(planar, true, (0, 1, 0, 2, 1, 0))
-    parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names, np.eye(2)), 0.1)
+    parts, repeated = average_repetitions(recording, load_commanded(sent, planar.joint_names, np.eye(2)), 0.1)
     assert repeated.counts == {"1": 3, "2": 2, "3": 1}
     found = [float(part.time[0]) for part in parts]
     assert found == pytest.approx([begins[k] for k in (0, 1, 3)], abs=0.05)  # servos are late by some ms
@@ -74,7 +74,7 @@ def test_repetitions_are_found_and_averaged(planar, true, sent):
 
 def test_a_repetition_with_a_gap_is_not_counted(planar, true, sent):
     recording, begins = logged(planar, true, (0, 1, 0), gap=PAUSE + 4)
-    parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names, np.eye(2)), 0.1)
+    parts, repeated = average_repetitions(recording, load_commanded(sent, planar.joint_names, np.eye(2)), 0.1)
     assert repeated.counts == {"1": 1, "2": 1} and repeated.noise is None
     assert float(parts[-1].time[0]) == pytest.approx(begins[2], abs=0.05)
 
@@ -117,8 +117,11 @@ def test_missing_or_foreign_commands_are_refused(planar, true, sent, tmp_path):
     (tmp_path / "nothing").mkdir()
     (tmp_path / "1.csv").write_text("time,q_elbow\n0.0,0.0\n1.0,1.0\n")
     for words, use in (
-        ("contains none of the commanded trajectories", lambda: averaged(recording, trajectories[2:], 0.1)),
-        ("executed at another speed", lambda: averaged(recording, slow, 0.1)),
+        (
+            "contains none of the commanded trajectories",
+            lambda: average_repetitions(recording, trajectories[2:], 0.1),
+        ),
+        ("executed at another speed", lambda: average_repetitions(recording, slow, 0.1)),
         (
             "expected a table written by excite",
             lambda: load_commanded(tmp_path / "nothing", names, np.eye(2)),

@@ -12,10 +12,11 @@ import pytest
 import scipy
 
 from sidegan.errors import RecordingError
-from sidegan.recording.check import check_recording, read_and_check
+from sidegan.recording.check import check_recording
 from sidegan.recording.load import load_recording
+from sidegan.recording.read import read_and_check
 from sidegan.recording.settings import Files
-from sidegan.recording.stationary import chain_of, stationary_positions
+from sidegan.recording.stationary import chain_names, stationary_positions
 from sidegan.recording.units import Units
 from sidegan.robot import Setup, load_robot
 from tests.recording import files
@@ -627,7 +628,7 @@ def test_a_joint_without_torque_is_locked_at_its_position(recording, tmp_path, p
     path, settings = str(tmp_path / "a.csv"), of_file(without=["shoulder"])
     arm = load_robot("planar2", Setup(locked=stationary_positions(planar, [path], settings)))
     (found,) = read_and_check([(path, "training")], arm, settings)
-    assert "shoulder is locked and left out, at 0.3" in found.warnings and chain_of(arm) == JOINTS
+    assert "shoulder is locked and left out, at 0.3" in found.warnings and chain_names(arm) == JOINTS
     np.testing.assert_allclose(found.statistics.signals["position"].upper, recording.position[:, 1:].max(0))
     with pytest.raises(RecordingError, match=r"elbow is left out \(recording\.without\), but moves"):
         stationary_positions(planar, [path], of_file(without=["elbow"]))
