@@ -17,7 +17,7 @@ from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.repairs import remove_glitches
 from sidegan.recording.segments import grid_for, preprocess, torque_of
 from sidegan.recording.settings import RecordingSettings
-from sidegan.recording.statistics import Statistics, statistics_of
+from sidegan.recording.statistics import statistics_of
 from sidegan.robot import Arm
 
 _UNUSED_GAINS = (
@@ -40,9 +40,14 @@ def check_recording(
     """
     recording = remove_glitches(recording, arm.velocity_limit)
     statistics = statistics_of(recording, settings)
+    body = RigidBody(arm)
     if doubt := refusals.doubt_of_units(statistics, arm, settings.units):
-        better = _better_positions(recording, arm, statistics, settings, gains, sign_width)
-        raise RecordingError(f"{recording.name}: {better if better and better not in doubt else doubt}")
+        if (recording.position % 1).any():  # no counts: torques may tell the unit
+            plain = replace(recording, velocity=None, acceleration=None)  # which may be in any unit, too
+            rough = preprocess(plain, settings, gains, sign_width)
+            better = agreement_of(body, rough, settings).positions
+            doubt = better.text if better and better.text not in doubt else doubt
+        raise RecordingError(f"{recording.name}: {doubt}")
     refusals.refuse_idle(statistics, arm)
     refusals.refuse_jumps(recording, arm, statistics.gap)
     parts = [recording]
@@ -56,7 +61,6 @@ def check_recording(
         """Segments of all parts with this delay [s] removed."""
         return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
 
-    body = RigidBody(arm)
     given = settings.delay or 0.0
     segments = kept(given)
     remarks: dict[str, str] = {}
@@ -112,20 +116,3 @@ def check_recording(
         noise=noise_of(torques, grid),
         repeated=repeated,
     )
-
-
-def _better_positions(
-    recording: Recording,
-    arm: Arm,
-    statistics: Statistics,
-    settings: RecordingSettings,
-    gains: Sequence[float] | None,
-    sign_width: float,
-) -> str | None:
-    """What the torques say that positions in a doubtful unit are; None if nothing, or if they are counts."""
-    if not (recording.position % 1).any():
-        return None
-    plain = replace(recording, velocity=None, acceleration=None)  # rates may be in any unit, too
-    segments = preprocess(plain, settings, gains, sign_width, grid_for(statistics, settings))
-    found = agreement_of(RigidBody(arm), segments, settings).positions
-    return found.text if found else None

@@ -15,6 +15,7 @@ from sidegan.errors import RecordingError
 from sidegan.recording import tables, thresholds
 from sidegan.recording.bags import bag_files, bag_table, is_bag
 from sidegan.recording.columns import Finder, Joints
+from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
 from sidegan.recording.merge import ClockedSignals, merge
 from sidegan.recording.recording import Recording
 from sidegan.recording.repairs import remove_undriven, unwrap
@@ -75,7 +76,7 @@ def files_of(path: Path) -> list[Path]:
     """Files of a recording: the path itself, or those in its folder."""
     if not path.is_dir():
         return [path]
-    return tables.dataset_files(path) if tables.is_dataset(path) else bag_files(path)
+    return dataset_files(path) if is_dataset(path) else bag_files(path)
 
 
 def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> ClockedSignals:
@@ -127,8 +128,8 @@ def _open(
     path: Path, suffix: str, settings: RecordingSettings, joints: Joints, only: str | None
 ) -> tuple[Table, SignalColumns, list[str]]:
     """A file's table, which of its columns hold which signal, and remarks on that."""
-    if tables.is_dataset(path):
-        table = tables.dataset_table(path)
+    if is_dataset(path):
+        table = dataset_table(path)
     elif is_bag(path):
         table, where, remarks = bag_table(path, settings, joints.names)
         if only and only not in where:
@@ -184,27 +185,22 @@ def _without_corrupt_rows(
     """Signals without corrupt rows, in which a column lacks a plausible number."""
     names, lacks = [], []
     for name in signals.keys() & {"torque", "current"}:
-        blank = np.isnan(signals[name]).all(
-            0
-        )  # a driver that has none for some joints: refused by their names
-        if blank.any() and not blank.all():
+        blank = np.isnan(signals[name]).all(0)
+        if blank.any() and not blank.all():  # a driver has none for some joints: refused by their names
             signals[name] = np.where(blank, 0.0, signals[name])
     for name, signal in signals.items():
-        late = (
-            name == "time" and np.count_nonzero(np.abs(signal) > thresholds.LARGEST_VALUE) > len(signal) / 2
-        )
+        largest = thresholds.LARGEST_VALUE
+        if name == "time" and 2 * np.count_nonzero(np.abs(signal) > largest) > len(signal):
+            largest = thresholds.LATEST_STAMP
         for k, x in enumerate(signal.T):
             separate = signal.shape[1] <= len(where[name])  # a column for each joint
             names.append(where[name][k] if separate else f"{where[name][0]}[{k}]")
-            lacks.append(~(np.abs(x) <= (thresholds.LATEST_STAMP if late else thresholds.LARGEST_VALUE)))
+            lacks.append(~(np.abs(x) <= largest))
     missing = np.stack(lacks)  # (C, S)
     good = np.asarray(~missing.any(0))
     if len(good) and 1 - good.mean() > thresholds.MOST_CORRUPT:
-        worst = [
-            name
-            for name, share in zip(names, missing.mean(1))
-            if share > thresholds.MOST_CORRUPT / len(names)
-        ]
+        share = thresholds.MOST_CORRUPT / len(names)
+        worst = [name for name, lacking in zip(names, missing.mean(1)) if lacking > share]
         raise RecordingError(
             f"{file}: {1 - good.mean():.0%} of its rows lack a number, in column {listed(worst)}"
         )

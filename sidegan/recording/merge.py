@@ -8,8 +8,8 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RecordingError
+from sidegan.recording.clock import clock_of
 from sidegan.recording.grid import interpolate
-from sidegan.recording.statistics import clock_of
 
 
 class ClockedSignals(NamedTuple):

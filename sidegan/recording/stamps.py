@@ -79,11 +79,9 @@ def _since_1970(stamps: Array) -> str:
     if not len(forward):
         return ""
     usual, step = float(np.nanmedian(stamps)), float(np.median(forward))
+    earliest, latest = thresholds.SINCE_1970
     for unit in _LONG:
         factor = SECONDS[unit]
-        if (
-            thresholds.SINCE_1970[0] < usual * factor < thresholds.SINCE_1970[1]
-            and step * factor < thresholds.LONGEST_STEP
-        ):
+        if earliest < usual * factor < latest and step * factor < thresholds.LONGEST_STEP:
             return unit
     return ""
