@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import combinations, permutations
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -52,13 +52,15 @@ def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
     """Refuse named recordings if any two of them share a stretch of samples or torques."""
     for (first, a), (second, b) in combinations(recordings, 2):
         common = ["position", *(n for n in _COUNTED if n in a.signals and n in b.signals)]
-        (hashes, _), (others, time) = (x.changing(common) for x in (a, b))
+        hashes, _ = a.changing(common)
+        others, time = b.changing(common)
         if where := _stretch(np.isin(others, hashes), time):
             raise RecordingError(
                 f"{second} holds samples of {first}, {where}: they would count twice, "
                 "or a model would be validated on its own training data"
             )
-        (hashes, _), (others, time) = (x.changing([x.load]) for x in (a, b))
+        hashes, _ = a.changing([a.load])
+        others, time = b.changing([b.load])
         if where := _stretch(_in_order(hashes, others), time):
             raise RecordingError(
                 f"{second} has the same torques as {first}, {where}, but another motion: "
@@ -71,12 +73,17 @@ def same_run(first: Digests, second: Digests) -> bool:
 
     A filter then makes its torques, with their noise, from the other's. Repetitions have other noise.
     """
-    noises = [_noise(x.torque) for x in (first, second)]
-    shares = [noise / np.maximum(x.torque.std(0), _TINY) for x, noise in zip((first, second), noises)]
-    for (source, noise, share), (copy, _, other) in permutations(zip((first, second), noises, shares)):
-        if (share >= other / 2).all() and any(_is_copy(source, noise, *part) for part in _parts(copy)):
+    for source, copy in ((first, second), (second, first)):
+        noise, other = _noise(source.torque), _noise(copy.torque)
+        share, shown = noise / _deviation(source.torque), other / _deviation(copy.torque)
+        if (share >= shown / 2).all() and any(_is_copy(source, noise, *part) for part in _parts(copy)):
             return True
     return False
+
+
+def _deviation(torque: Array) -> Array:
+    """Standard deviation of torques (S, J), (J,), not zero."""
+    return np.maximum(torque.std(0), _TINY)
 
 
 def _noise(torque: Array) -> Array:
@@ -120,10 +127,8 @@ def _is_copy(source: Digests, noise: Array, time: Array, torque: Array) -> bool:
 
 def _places(source: Digests, time: Array, torque: Array) -> list[float]:
     """Offsets [s] to the times of a part (K,) at which its torques (K, J) are like the source's."""
-    size = np.maximum(source.torque.std(0), _TINY), np.maximum(torque.std(0), _TINY)
-    grids = (np.arange(t[0], t[-1], _COARSE) for t in (source.time, time))
-    signals = zip(grids, (source.time, time), (source.torque, torque), size)
-    whole, part = (_at(at, t, x / scale) for at, t, x, scale in signals)
+    whole = _coarse(source.time, source.torque)
+    part = _coarse(time, torque)
     if not 0 < len(part) <= len(whole):
         return []
     squares = np.convolve(np.square(whole).sum(1), np.ones(len(part)), "valid")
@@ -137,9 +142,11 @@ def _places(source: Digests, time: Array, torque: Array) -> list[float]:
     return found
 
 
-def _at(at: Array, time: Array, x: Array) -> Array:
-    """Signals (S, C) at times (…), interpolated linearly, (…, C)."""
-    return np.stack([np.interp(at, time, y) for y in x.T], -1)
+def _coarse(time: Array, torque: Array) -> Array:
+    """Torques (S, J) of unit deviation on a coarse grid, (K, J)."""
+    at = np.arange(time[0], time[-1], _COARSE)
+    scaled = torque / _deviation(torque)
+    return np.stack([np.interp(at, time, x) for x in scaled.T], -1)
 
 
 def _stretch(common: Array, time: Array) -> str:

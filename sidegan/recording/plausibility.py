@@ -95,9 +95,8 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
 
     Noise only lowers the slope, of the rate over the derivative or its inverse, so high slopes are errors.
     """
-    signals = [getattr(segment, RATES[rate]) for segment in segments]
-    steps = [segment.time[1] - segment.time[0] for segment in segments]
-    derived = np.concatenate([(x[2:] - x[:-2]) / (2 * step) for x, step in zip(signals, steps)])
+    derivatives = [_derivative(segment, getattr(segment, RATES[rate])) for segment in segments]
+    derived = np.concatenate([x[1:-1] for x in derivatives])
     recorded = np.concatenate([getattr(segment, rate)[1:-1] for segment in segments])
     products = derived.T @ recorded  # (J, J): derived, recorded
     own = np.square(derived).sum(0)
@@ -118,7 +117,7 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     steep = np.maximum(slope, inverse) > thresholds.RATE_RATIO
     wrong = moving & (steep | (alike < thresholds.RATE_CORRELATION))
     if not wrong.any():
-        return _late(rate, signals, segments)
+        return _late(rate, derivatives, segments)
     ratios = []
     for j in np.flatnonzero(wrong).tolist():
         k = int(correlation[:, j].argmax())
@@ -131,16 +130,19 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     )
 
 
-def _late(rate: str, signals: list[Array], segments: list[Segment]) -> str | None:
+def _derivative(segment: Segment, x: Array) -> Array:
+    """Time derivative of a segment's signal, (S, J)."""
+    return np.asarray(np.gradient(x, segment.time[1] - segment.time[0], axis=0))
+
+
+def _late(rate: str, derivatives: list[Array], segments: list[Segment]) -> str | None:
     """Warning about a rate that is later or earlier than the derivative of its signal; None if it is not.
 
     To first order, r(t) = ṡ(t − L) is ṡ − L s̈.
     """
     moved = changed = 0.0
-    for x, segment in zip(signals, segments):
-        step = segment.time[1] - segment.time[0]
-        derived = np.gradient(x, step, axis=0)
-        further = np.gradient(derived, step, axis=0)
+    for derived, segment in zip(derivatives, segments):
+        further = _derivative(segment, derived)
         moved += float(((derived - getattr(segment, rate)) * further).sum())
         changed += float(np.square(further).sum())
     lag = moved / max(changed, NEGLIGIBLE)

@@ -37,8 +37,7 @@ def doubt_of_units(statistics: Statistics, arm: Arm, units: Units) -> str | None
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
             f"(recording.units.time={likely})"
         )
-    doubts = (doubt(position, arm, units) for doubt in (_angles, _lengths, _counts))
-    return next(filter(None, doubts), None)
+    return _angles(position, arm, units) or _lengths(position, arm, units) or _counts(position, arm, units)
 
 
 def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
