@@ -61,21 +61,27 @@ class Series:
         return f"{self.before}{{{'joint' if self.named else 'index' if base else 'index0'}}}{self.after}"
 
     def signal(self, effort: str, commanded: bool = False) -> str | None:
-        """The signal that the last known word names: a "current position" is a position.
-
-        With ``commanded``, commanded torques count as measured ones.
-        """
-        signals = [_WORDS[word] for word in self.words if word in _WORDS]
-        loads = {"torque", "effort", "current"} & {*signals}
-        foreign = self.foreign - (_COMMANDED if commanded and loads else set())
-        if not signals or foreign or (loads and _RATES & {*self.words}):
-            return None
-        return effort if signals[-1] == "effort" else signals[-1]
+        """The signal of the columns; see ``signal_of``."""
+        return signal_of(f"{self.before} {self.after}", effort, commanded)
 
     @property
     def foreign(self) -> set[str]:
         """Words that rule out that these are joint measurements."""
         return _OTHERS & {*self.words}
+
+
+def signal_of(name: str, effort: str, commanded: bool = False) -> str | None:
+    """The signal that the last known word of a name names: a "current position" is a position.
+
+    ``effort`` is what an effort is, torque or current. ``commanded``: commanded torques count as measured.
+    """
+    words = {*_words(name)}
+    signals = [_WORDS[word] for word in _words(name) if word in _WORDS]
+    loads = {"torque", "effort", "current"} & {*signals}
+    foreign = (words & _OTHERS) - (_COMMANDED if commanded and loads else set())
+    if not signals or foreign or (loads and _RATES & words):
+        return None
+    return effort if signals[-1] == "effort" else signals[-1]
 
 
 def is_commanded(column: str) -> bool:
@@ -145,6 +151,6 @@ def own_names(available: Sequence[str], signal: str, count: int) -> list[str]:
     fitting = {
         key: names
         for key, names in groups.items()
-        if len(names) == count and Series(*key, False, {}).signal("torque") == signal
+        if len(names) == count and signal_of(" ".join(key), "torque") == signal
     }
     return fitting[max(fitting, key=lambda key: len(key[0]) + len(key[1]))] if fitting else []

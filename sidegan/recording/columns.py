@@ -8,7 +8,15 @@ from typing import NoReturn
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
-from sidegan.recording.column_names import Series, is_commanded, is_split, own_names, series_of, stamps_of
+from sidegan.recording.column_names import (
+    Series,
+    is_commanded,
+    is_split,
+    own_names,
+    series_of,
+    signal_of,
+    stamps_of,
+)
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
 from sidegan.recording.stamps import date_columns
 from sidegan.recording.tables import SignalColumns, Table
@@ -76,7 +84,7 @@ class Finder:
         self.only = only
         self.count = len(joints.places)
         self.effort = settings.effort
-        loads = {Series(c, "", True, {}).signal(self.effort) for c in self.available}
+        loads = {signal_of(column, self.effort) for column in self.available}
         self.commanded = not {"torque", "current"} & loads  # whether torques are commanded ones, if any
         self.series = series_of(self.available, joints.chain)
         self.numberings = self._numberings()
@@ -166,9 +174,7 @@ class Finder:
 
     def _arrays(self, signal: str | None) -> list[str]:
         """Columns of lists with an element per joint that are named like a signal, or like none."""
-        called = [
-            c for c in self.available if Series(c, "", True, {}).signal(self.effort, self.commanded) == signal
-        ]
+        called = [c for c in self.available if signal_of(c, self.effort, self.commanded) == signal]
         return [c for c in called if self.table.width(c) == self.count]
 
     def _of(self, series: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:
@@ -199,12 +205,11 @@ class Finder:
         """Numberings with which most signals are complete, the likeliest first."""
         series = [s for s in self.series if not s.named]
         signals = [s for s in series if s.signal(self.effort)]
-        scores = {
-            numbering: tuple(
-                sum(len(s.of(*numbering)) == self.count for s in kind) for kind in (signals, series)
-            )
-            for numbering in self.numberings
-        }
+
+        def whole(kind: Sequence[Series], numbering: Numbering) -> int:
+            return sum(len(s.of(*numbering)) == self.count for s in kind)
+
+        scores = {x: (whole(signals, x), whole(series, x)) for x in self.numberings}
         if (most := max(scores.values())) == (0, 0):
             return [(self.joints.places, 0 if any(0 in s.columns for s in signals) else 1)]
         return [score for score in scores if scores[score] == most]
@@ -269,7 +274,8 @@ class Finder:
         """The end of a message: what to type when joints lack a signal."""
         partial = len(joints) < len(self.joints.own)
         if signal == "position" or not partial:
-            return self._offers(signal) or self._another_file("effort") * (not partial and not self.only)
+            offers = self._offers(signal)
+            return offers if offers or partial or self.only else self._another_file("effort")
         if signal in ("torque", "current"):
             return f"; joints that do not move can be left out: {setting('recording.without', joints)}"
         return f"; to derive it instead: recording.{signal}=null"

@@ -1,6 +1,7 @@
-"""Numbers that decide whether a recording is refused, repaired or warned about; docs/identify.md lists some.
+"""Numbers that decide whether a recording is refused, corrected or warned about.
 
-Deviations are in standard deviations σ of the quantity in question, shares in the unit of what they are of.
+docs/identify.md lists those that users meet. Deviations are in standard deviations σ of the quantity in
+question, shares in the unit of what they are of.
 """
 
 import math
