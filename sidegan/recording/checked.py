@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
+from sidegan.recording import thresholds
 from sidegan.recording.agreement import Agreement
 from sidegan.recording.commanded import Repeated
 from sidegan.recording.delay import Delay
@@ -15,7 +16,6 @@ from sidegan.recording.recording import Segment
 from sidegan.recording.statistics import Statistics
 
 Role = Literal["training", "validation", "loaded"]  # loaded: with a load that the description lacks
-_LEAST_PART = 20  # samples in each part of a split recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ def hold_out(recording: CheckedRecording, share: float) -> tuple[CheckedRecordin
     end = round((1 - share) * recording.kept)
     first = _part(recording, "training", f"first {1 - share:.0%}", 0, end - mixed)
     last = _part(recording, "validation", f"last {share:.0%}", end, recording.kept)
-    if min(first.kept, last.kept) < _LEAST_PART:
+    if min(first.kept, last.kept) < thresholds.LEAST_HELD_OUT:
         raise RecordingError(f"{recording.name} is too short to hold out {share:.0%} of it")
     return first, last
 

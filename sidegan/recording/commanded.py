@@ -16,6 +16,7 @@ from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import bandwidth_of
+from sidegan.recording.thresholds import LEAST_SCALE
 
 FOLDER = "trajectories"  # in the folder of an excite run
 _RATE = 50.0  # [Hz] sampling rate of the search
@@ -153,7 +154,7 @@ def _correlation(velocity: Array, wanted: Array) -> Array:
         return np.zeros(0)
     match = sum(scipy.signal.correlate(v, w, "valid", "fft") for v, w in zip(velocity.T, wanted.T))
     energy = np.cumsum(np.append(0.0, (velocity**2).sum(1)))
-    power = np.maximum((energy[len(wanted) :] - energy[: -len(wanted)]) * (wanted**2).sum(), 1e-300)
+    power = np.maximum((energy[len(wanted) :] - energy[: -len(wanted)]) * (wanted**2).sum(), LEAST_SCALE)
     return match / np.sqrt(power)
 
 

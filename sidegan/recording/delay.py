@@ -11,6 +11,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import thresholds
 from sidegan.recording.misfit import subset
 from sidegan.recording.recording import Segment
+from sidegan.recording.thresholds import LEAST_SCALE
 
 _SAMPLES = 3000  # used, spread over the recording
 _ROUNDS = 4  # of Gauss-Newton
@@ -19,7 +20,6 @@ _STEP = 0.1  # [s] largest delay found by a single fit
 _LEAST_KEPT = 0.5  # share of a recording left at the longest delay
 _FITS = 8  # each after the delay found so far is removed
 _ROUNDING = 1e-12  # relative eigenvalue below which there is no information
-_LEAST_SCALE = 1e-300  # of torques and columns: weights of constant ones stay finite
 _CORRELATED = 5.0  # samples per independent one: the error is low-passed, at ten samples per cut-off period
 _AWAY = 0.3  # of a joint's RMS speed, above which friction does not depend on reversals
 
@@ -126,7 +126,7 @@ def _coarse(body: RigidBody, segments: list[Segment]) -> float:
         torques.append(x.torque[rows[:, None] + np.arange(-furthest, furthest + 1)])
     columns = np.concatenate([_columns(body, *x[1:4], x.sign) for x in states])
     torque = np.concatenate(torques)  # (S, D, J)
-    weights = 1 / np.maximum(torque[:, furthest].std(0), _LEAST_SCALE)
+    weights = 1 / np.maximum(torque[:, furthest].std(0), LEAST_SCALE)
     basis = (columns * weights[:, None]).reshape(-1, columns.shape[2])
     inverse, scale = _inverse(basis)
     right = (torque * weights).swapaxes(1, 2).reshape(len(basis), -1)
@@ -172,7 +172,7 @@ def _columns(body: RigidBody, q: Array, dq: Array, ddq: Array, sign: Array) -> A
 
 def _step(columns: Array, torque: Array) -> tuple[float, float]:
     """Last parameter of a weighted least-squares fit of columns (S, J, P), and its standard deviation."""
-    weights = 1 / np.maximum(torque.std(0), _LEAST_SCALE)
+    weights = 1 / np.maximum(torque.std(0), LEAST_SCALE)
     for _ in range(2):
         rows = (columns * weights[:, None]).reshape(-1, columns.shape[2])
         inverse, scale = _inverse(rows)
@@ -183,7 +183,7 @@ def _step(columns: Array, torque: Array) -> tuple[float, float]:
 
 def _inverse(rows: Array) -> tuple[Array, Array]:
     """Inverse information (P, P) of rows (N, P) with normalised columns, and the columns' norms, (P,)."""
-    scale = np.maximum(np.linalg.norm(rows, axis=0), _LEAST_SCALE)
+    scale = np.maximum(np.linalg.norm(rows, axis=0), LEAST_SCALE)
     return np.linalg.pinv((rows / scale).T @ (rows / scale), _ROUNDING, hermitian=True), scale
 
 

@@ -16,7 +16,7 @@ from sidegan.recording.thresholds import NEGLIGIBLE
 
 _ROUNDS = 10  # of fitting scales and gravity alternately
 _FIRST, _LAST = 0.05, 1e-3  # [rad] steps of the search for a tilt
-_LEAST = 1e-2  # of a joint's torque assumed to be noise at least
+_LEAST_NOISE = 1e-2  # of a joint's torque assumed to be noise at least
 
 
 class Load(NamedTuple):
@@ -63,7 +63,7 @@ class _Torques:
 
     def towards(self, scale: Array, left: Array) -> Array:
         """Best gravity [m/s²], (3,), at these scales and unexplained shares, (J,) each."""
-        weight = self.weight / np.maximum(np.sqrt(left), _LEAST)
+        weight = self.weight / np.maximum(np.sqrt(left), _LEAST_NOISE)
         rows = (self.static * (scale * weight)[:, None]).reshape(-1, 3)
         rest = ((self.measured - scale * self.inertial) * weight).ravel()
         return np.linalg.lstsq(rows, rest)[0]
@@ -127,11 +127,8 @@ def _best(torques: _Torques, described: Array) -> Load | None:
     others = [torques.explained(np.zeros_like(described))]
     others += [] if _same_direction(found.gravity, described) else [found]
     best = min(others, key=lambda load: load.misfit)
-    believed = (
-        best.misfit < thresholds.EXPLAINED_BY_GRAVITY * as_described.misfit
-        and np.median(best.left) < thresholds.LEFT_BY_GRAVITY
-    )
-    return best if believed else None
+    better = best.misfit < thresholds.EXPLAINED_BY_GRAVITY * as_described.misfit
+    return best if better and np.median(best.left) < thresholds.LEFT_BY_GRAVITY else None
 
 
 def _same_direction(a: Array, b: Array) -> bool:

@@ -21,7 +21,7 @@ _REACH, _GROWTH = 0.5, 1.15  # [s] of the longest filter that is found, and rati
 _COARSE = 0.02  # [s] step in which a part is looked for
 _ROWS = 800  # of a part to which a filter is fitted
 _PLACES = 3  # at which it is compared: periodic motions look alike once a period
-_TINY = 1e-30
+_TINY = 1e-30  # of a deviation or variance of torques: keeps quotients finite
 _ORDER = 6  # of the differences that only noise is left in
 _CALM = 0.25  # share of these that no jump is in
 

@@ -8,6 +8,7 @@ from scipy.ndimage import maximum_filter1d, shift
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
+from sidegan.recording import thresholds
 from sidegan.recording.grid import Grid, Stretch, continuous_stretches, derivative, low_pass, marked_ranges
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.settings import RecordingSettings
@@ -18,7 +19,6 @@ _AT_ONCE = 50_000  # grid points filtered at once
 _FORGOTTEN = 20.0  # cut-off periods after which the filter's response is below 1e-12
 _PAUSE = 0.1  # [s] around a motion in which samples are kept
 _LEAST_POINTS = 8  # of a segment
-_LEAST_PERIODS = 4.0  # of the cut-off in a recording, the length of the filter's edges
 
 
 def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | None = None) -> Grid:
@@ -27,7 +27,7 @@ def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | 
     if not bandwidth:
         raise RecordingError(f"{statistics.name}: no joint moves")
     cutoff = min(settings.cutoff or HEADROOM * bandwidth, 0.5 / statistics.step)
-    slowest = _LEAST_PERIODS / statistics.duration
+    slowest = thresholds.LEAST_PERIODS / statistics.duration
     if cutoff <= slowest:
         raise RecordingError(
             f"{statistics.name}: the cut-off is {cutoff:g} Hz, expected more than {slowest:.3g} Hz: the "

@@ -18,7 +18,6 @@ from sidegan.recording.settings import RecordingSettings
 HEADROOM = 12.0  # ratio of the low-pass's cut-off to the motion's bandwidth
 _HEAD = 120.0  # [s] at the start of the motion from which the bandwidth is measured
 _HEAD_RATE = 50.0  # [Hz] sampling rate of that part
-_LEAST_HEAD = 16  # samples of that part
 _MOVED = 0.005  # [rad or m] from its initial position beyond which the arm moves
 _ENERGY = 0.98  # share of the motion's energy below its bandwidth
 
@@ -99,7 +98,7 @@ def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
     start = int(np.concatenate(moved).min())
     rate = min(_HEAD_RATE, 1 / step)
     grid = np.arange(time[start], min(time[-1], time[start] + _HEAD), 1 / rate)
-    if len(grid) < _LEAST_HEAD:
+    if len(grid) < thresholds.LEAST_MOTION:
         raise RecordingError(f"{name} moves for {time[-1] - time[start]:.3g} s, too short to identify from")
     head = slice(start, np.searchsorted(time, grid[-1], "right") + 1)
     keep = np.append(True, np.diff(time[head]) > 0)

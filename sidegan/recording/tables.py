@@ -15,13 +15,13 @@ import pandas as pd
 from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
 from sidegan.errors import RecordingError
+from sidegan.recording import thresholds
 from sidegan.recording.column_names import stamps_of
 
 SignalColumns = dict[str, list[str]]  # columns of time and each signal; a single column may hold all joints
 _NAMES = re.compile(r"(.*[._])?(joint_?)?names?", re.IGNORECASE)  # columns that may list joints
-_APART = 10_000  # steps, the same where the unit of time is not known: seconds to minutes at usual rates
+_APART = 10_000  # steps between episodes, whose unit of time is not known: seconds to minutes at usual rates
 _GROUP = re.compile(r"(?:^|(?:demo|episode|traj|trajectory|rollout|trial|run)_?)(\d+)\.")  # of an episode
-_WIDEST = 50  # columns of a stack of joints' signals; wider ones are images
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +204,8 @@ def _of_arrays(arrays: Mapping[str, Any]) -> Table:
     for name, x in arrays.items():
         if number := _GROUP.search(name):
             groups.setdefault(number[1], {})[_GROUP.sub("", name, 1)] = x
-    leads = Counter(x.shape[:2] for x in arrays.values() if x.ndim == 3 and x.shape[2] <= _WIDEST)
+    stacks = [x.shape for x in arrays.values() if x.ndim == 3]
+    leads = Counter(shape[:2] for shape in stacks if shape[2] <= thresholds.WIDEST_STACK)
     ((lead, several),) = leads.most_common(1) or [((0, 0), 0)]
     if groups:
         return _episodes([groups[key] for key in sorted(groups, key=int)])

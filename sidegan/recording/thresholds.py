@@ -12,11 +12,15 @@ LATEST_STAMP = 1e21  # the same of time stamps, if most are above ``LARGEST_VALU
 MOST_CORRUPT = 0.5  # share of a file's rows: with more, its columns are not what they are taken for
 BLANK_CELLS = 0.1  # share of rows without a signal, from which it was logged on rows of its own
 MOST_GRIPPER_COLUMNS = 2  # after the arm's last joint; more belong to another arm
+WIDEST_STACK = 50  # columns of a stack of joints' signals; wider ones are images
 MOST_DATES = 0.5  # share of dates among the texts of a column, from which it holds dates
 SINCE_1970 = 9.4e8, 4.1e9  # [s] plausible range of such clocks: 2000 to 2100
 
 # The clock.
 LEAST_SAMPLES = 10  # of a recording
+LEAST_MOTION = 16  # samples of the motion, at 50 Hz or less, that show its bandwidth
+LEAST_PERIODS = 4.0  # of the cut-off in a recording: the length of the filter's edges
+LEAST_HELD_OUT = 20  # preprocessed samples in each part of a recording that is split
 LONGEST_STEP = 0.5  # [s] between samples: nobody logs an arm's motion more slowly
 USUAL_STEP = 0.15  # [s] between samples, to which the unit of a clock that is too slow is corrected
 RESTARTS = 0.01  # share of backward steps, below which the clock restarted and rows are in order
@@ -98,4 +102,6 @@ COPIED_NOISE = 0.4  # of the noise's variance that is left of a copy; of a repet
 COMMANDED = 0.9  # correlation of recorded and commanded velocities
 COMMANDED_PLACE = 0.1  # [rad or m] between mean commanded and recorded positions: servos are nearer
 
+# Numerical guards.
 NEGLIGIBLE = 1e-12  # of squares and norms in SI units: keeps quotients finite
+LEAST_SCALE = 1e-300  # of numbers in any unit: weights of constant ones stay finite
