@@ -52,7 +52,8 @@ class Series:
 
     def of_another_arm(self, arms: "Series") -> bool:
         """Whether names differ from the arm's by a single word that names no signal, as in left and right."""
-        words, others = ([*_words(next(iter(series.columns.values())))] for series in (self, arms))
+        words = [*_words(next(iter(self.columns.values())))]
+        others = [*_words(next(iter(arms.columns.values())))]
         swapped = {pair for pair in zip(words, others) if pair[0] != pair[1]}
         return len(words) == len(others) and len(swapped) == 1 and not {*next(iter(swapped))} & _KNOWN
 
@@ -111,7 +112,8 @@ def series_of(available: Sequence[str], names: Sequence[str]) -> list[Series]:
 
 def _bounded(name: str) -> str:
     """A regular expression for a name that is not part of a longer word or number."""
-    before, after = (r"\d" if end.isdigit() else "[A-Za-z]" for end in (name[:1], name[-1:]))
+    before = r"\d" if name[:1].isdigit() else "[A-Za-z]"
+    after = r"\d" if name[-1:].isdigit() else "[A-Za-z]"
     return rf"(?<!{before}){re.escape(name)}(?!{after})"
 
 

@@ -109,7 +109,8 @@ def average_repetitions(
     random = np.random.default_rng(0).standard_normal(signals["position"].shape)
     white = scipy.interpolate.PchipInterpolator(time, random)
     found = []
-    squares, free = np.zeros(len(names)), 0  # squared deviations, and their degrees of freedom
+    squares = np.zeros(len(names))  # of the deviations between repetitions
+    free = 0  # degrees of freedom of these
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
         repeats = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}

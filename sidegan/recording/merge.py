@@ -31,7 +31,8 @@ def merge(parts: Sequence[ClockedSignals]) -> ClockedSignals:
     first = parts[0]
     if len(parts) == 1:
         return first
-    without, stamped = ([part.file for part in parts if part.stamped == has] for has in (False, True))
+    without = [part.file for part in parts if not part.stamped]
+    stamped = [part.file for part in parts if part.stamped]
     if without and stamped:
         raise RecordingError(
             f"{stamped[0]} has time stamps, but {without[0]} has none: add a column of time stamps to "
