@@ -15,7 +15,7 @@ from sidegan.identification.model import TorqueModel, typical
 from sidegan.identification.residuals import Unmodelled, find_unmodelled
 from sidegan.identification.sums import rows_of
 from sidegan.identification.verdict import Quality
-from sidegan.recording.check import CheckedRecording
+from sidegan.recording.checked import CheckedRecording
 from sidegan.robot import Drives
 
 EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification also runs

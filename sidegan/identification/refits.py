@@ -6,7 +6,6 @@ from functools import reduce
 from itertools import combinations, pairwise, permutations
 
 import numpy as np
-import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array, geometric_mean
 from sidegan.identification.fit import (
@@ -25,8 +24,9 @@ from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.payload import with_load
 from sidegan.identification.sums import Sums, sums_of
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.check import CheckedRecording
+from sidegan.recording.checked import CheckedRecording
 from sidegan.recording.coordinates import couplings
+from sidegan.recording.gravity import tilt_of
 
 _SURE = 5.0  # standard deviations from zero at which a zero or a load is significant
 _EXPLAINED = 0.7  # largest share of the residuals' squares that may remain with other zeros or gravity
@@ -44,9 +44,6 @@ _NOTABLE_ZERO = 0.05  # [rad or m] smallest difference reported
 _ALIKE = 0.5  # largest difference between parts of the samples, relative to the zero's
 
 _SAMPLES_OF_TILT = 1_000  # enough to find a tilt
-_FIRST = 0.05  # [rad] of the search
-_FINE = 1e-3  # [rad] at which it ends
-_NOTABLE_TILT = 0.03  # [rad] smallest tilt that is reported
 
 _COUPLED = 0.3  # most of the squares that may remain without a coupling
 _LIKELY = 3  # couplings that are tried in both halves of the samples
@@ -125,40 +122,16 @@ def tilted_gravity(model: TorqueModel, samples: Sequence[Measurements]) -> Array
 
     Links and friction are fitted anew with it. Its magnitude is the description's, which masses make up for.
     """
-    described = model.arm.gravity
-    size = float(np.linalg.norm(described))
-    if not size > 0:
-        return None
-    across = np.linalg.svd(described[None])[2][1:]  # two directions at right angles to it, (2, 3)
     whole = thinned(samples, _SAMPLES_OF_TILT)
     terms = model.regressor(*whole.inputs)[..., model.rigid :]
 
-    def turned(tilt: Array) -> Array:
-        direction = described / size + tilt @ across
-        return size * direction / np.linalg.norm(direction)
-
-    def left(gravity: Array, *parts: slice) -> list[float]:
-        """Logarithm of the squared residuals in each part of the samples, mean over joints."""
+    def misfit(gravity: Array, part: slice) -> float:
+        """Logarithm of the squared residuals in a part of the samples, mean over joints."""
         links = RigidBody(replace(model.arm, gravity=gravity)).regressor(*whole.states)
-        y = np.concatenate([links, terms], 2)
-        each = [sums_of(y[part], whole.torque[part]) for part in parts]
-        squares = [sums.squares(reweighted(sums).parameters) for sums in each]
-        return [float(np.log(np.maximum(x, _TINY)).mean()) for x in squares]
+        sums = sums_of(np.concatenate([links, terms], 2)[part], whole.torque[part])
+        return float(np.log(np.maximum(sums.squares(reweighted(sums).parameters), _TINY)).mean())
 
-    found = scipy.optimize.minimize(
-        lambda tilt: left(turned(tilt), slice(None))[0],
-        np.zeros(2),
-        method="Nelder-Mead",
-        options={
-            "initial_simplex": _FIRST * np.array([[0, 0], [1, 0], [0, 1]]),
-            "xatol": _FINE,
-            "fatol": 0.1,
-        },
-    ).x
-    half = len(whole) // 2
-    now, before = (left(g, slice(None, half), slice(half, None)) for g in (turned(found), described))
-    better = all(x < y + np.log(_EXPLAINED) for x, y in zip(now, before))
-    return turned(found) if np.linalg.norm(found) > _NOTABLE_TILT and better else None
+    return tilt_of(model.arm.gravity, misfit, len(whole))
 
 
 def coupled(model: TorqueModel, samples: Sequence[Measurements]) -> tuple[str, Array, Array] | None:

@@ -19,7 +19,7 @@ from sidegan.identification.fit import spread_of
 from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel, torques_of
 from sidegan.identification.sums import scaled_inverse
-from sidegan.recording.check import CheckedRecording
+from sidegan.recording.checked import CheckedRecording
 from sidegan.recording.recording import Segment
 
 BIASED = "bias dominates"

@@ -20,7 +20,7 @@ from sidegan.identification.residuals import is_noise
 from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.verdict import BAD, USABLE, Finding, Quality
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.check import CheckedRecording
+from sidegan.recording.checked import CheckedRecording
 from sidegan.robot import Arm
 
 _AS_GOOD = 1.1  # largest ratio of nMSE to the other model's at which the consistent model is preferred

@@ -10,39 +10,31 @@ import scipy  # submodules load lazily
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.coordinates import BETTER, UNLIKE, Map, positions_behind
-from sidegan.recording.gravity import (
-    Load,
+from sidegan.recording import thresholds
+from sidegan.recording.coordinates import Map, positions_behind
+from sidegan.recording.gravity import Load, load_of
+from sidegan.recording.misfit import (
     friction_basis,
-    load_of,
+    halves_of,
     misfit,
     misfit_by_order,
     other_columns,
     share_left,
+    subset,
     unexplained,
 )
 from sidegan.recording.recording import Segment
 from sidegan.recording.settings import RecordingSettings
+from sidegan.recording.thresholds import NEGLIGIBLE
 from sidegan.robot import Arm
 from sidegan.robot.placement import describe_direction, in_base, mount_of, straightened
 
 _SAMPLES = 20_000  # enough to determine a sign
 _FEW = 2_000  # enough to detect swapped motions
-_CLEAR = 0.4  # smallest meaningful correlation with the model
-_SURE = 0.9  # correlation above which a scale is meaningful
-_OTHER = 2.0  # ratio to the described torque, or its inverse, that means another unit, not another mass
-_STILL = 0.1  # [rad or m] range of motion needed to determine a joint's sign
-_DRIVEN = 0.02  # least share of the power that friction dissipates if the torque is not reversed
 _ORDERED = 7  # most joints whose orders are all tried
 _SKETCH = 200  # samples to compare many orders by
 _PACES = -3.0, 3.0  # logarithms of the paces that are tried
-_FASTER = 1.3  # smallest pace that is reported, or its inverse
-_SEVERAL = 3  # joints that must show their signs for a convention of all
 _RATED = {"per cent": 100.0, "per mille": 1000.0, "shares": 1.0}  # units of a joint's largest torque
-_AS_RATED = 0.2  # largest logarithm of the ratio to torques in such a unit
-_STRANGE = 4  # joints per agreeing joint from which the description hardly fits the arm
-_MOST = 0.99  # quantile of the usual torque
-_TINY = 1e-12
 
 
 class Agreement(NamedTuple):
@@ -72,23 +64,24 @@ class Agreement(NamedTuple):
     @property
     def heavier(self) -> float:
         """Median ratio of measured to described torque over joints with a clear sign; 1 if there are none."""
-        clear = np.abs(self.load.scale[np.abs(self.sign) > _CLEAR])
+        clear = np.abs(self.load.scale[np.abs(self.sign) > thresholds.CORRELATED])
         return float(np.median(clear)) if len(clear) else 1.0
 
     @property
     def rescaled(self) -> Array:
         """Joints whose torques are clearly in another unit, or those of other masses, (J,)."""
         scale = self.load.scale
-        return (self.sign > _SURE) & ((scale > _OTHER) | (scale < 1 / _OTHER))
+        odd = (scale > thresholds.OTHER_UNIT) | (scale < 1 / thresholds.OTHER_UNIT)
+        return (self.sign > thresholds.CLEARLY_CORRELATED) & odd
 
     def rated(self, arm: Arm) -> str | None:
         """Question whether torques are in units of each joint's largest; None if scales are not all such."""
-        known = (self.sign > _CLEAR) & np.isfinite(arm.torque_limit)
+        known = (self.sign > thresholds.CORRELATED) & np.isfinite(arm.torque_limit)
         limits = arm.torque_limit[known]
-        if known.sum() < _SEVERAL or limits.max() < _OTHER * limits.min():
+        if known.sum() < thresholds.FEW_JOINTS or limits.max() < thresholds.OTHER_UNIT * limits.min():
             return None
         for name, whole in _RATED.items():
-            if (np.abs(np.log(self.load.scale[known] * limits / whole)) < _AS_RATED).all():
+            if (np.abs(np.log(self.load.scale[known] * limits / whole)) < thresholds.SCALE_OF_LIMITS).all():
                 gains = ",".join(f"{x:.4g}" for x in arm.torque_limit / whole)
                 return (
                     f"the torques look like {name} of each joint's limit; to read them as such: "
@@ -115,8 +108,9 @@ class Agreement(NamedTuple):
                 f"measured torques are {shares} times those expected from the description: wrong unit, wrong "
                 "gain or wrong masses? (recording.units, robot.gains)"
             )
-        fitting = (self.sign > _CLEAR) | (self.sign < -_SURE)  # reversed torques are the arm's, too
-        if self.needed.any() and _STRANGE * fitting.sum() <= len(self.sign):
+        reversed_ = self.sign < -thresholds.CLEARLY_CORRELATED  # these are the arm's torques, too
+        fitting = (self.sign > thresholds.CORRELATED) | reversed_
+        if self.needed.any() and thresholds.STRANGE_ARM * fitting.sum() <= len(self.sign):
             found.append(
                 "hardly any torque matches the description: is this the right arm, and its joint order?"
             )
@@ -131,7 +125,8 @@ class Agreement(NamedTuple):
                 "these torques contain no gravity, although the description's links have mass: a driver that "
                 "compensates gravity may leave it out; record the total torque, or add that of gravity"
             )
-        found, described = (straightened(in_base(arm, g)) for g in (self.load.gravity, arm.gravity))
+        found = straightened(in_base(arm, self.load.gravity))
+        described = straightened(in_base(arm, arm.gravity))
         mount = ",".join(f"{round(x, 3) + 0.0:.4g}" for x in mount_of(None, found.tolist()))
         return (
             f"in these torques gravity acts along {describe_direction(found)} of the base, by the "
@@ -142,14 +137,15 @@ class Agreement(NamedTuple):
     @property
     def convention(self) -> bool:
         """Whether all torques have the opposite sign: those of all joints, several, that show theirs."""
-        shown = (np.abs(self.sign) > _CLEAR) & (self.moved >= _STILL)
-        forward = (self.sign > _CLEAR) | (self.friction > _CLEAR)
-        return shown.sum() >= min(_SEVERAL, len(shown)) and not (forward & (self.moved >= _STILL)).any()
+        moved = self.moved >= thresholds.MOVED_FOR_SIGN
+        shown = moved & (np.abs(self.sign) > thresholds.CORRELATED)
+        forward = moved & ((self.sign > thresholds.CORRELATED) | (self.friction > thresholds.CORRELATED))
+        return shown.sum() >= min(thresholds.FEW_JOINTS, len(shown)) and not forward.any()
 
     def runs_against(self, driven: bool = False) -> Array:
         """Joints with a reversed torque, (J,); ``driven``: only if it does not overcome friction."""
-        against = (self.sign < -_CLEAR) & (self.moved >= _STILL)
-        found = against & (self.friction < (_DRIVEN if driven else _CLEAR))
+        against = (self.sign < -thresholds.CORRELATED) & (self.moved >= thresholds.MOVED_FOR_SIGN)
+        found = against & (self.friction < (thresholds.DISSIPATED if driven else thresholds.CORRELATED))
         return np.ones_like(found) if self.convention and found.any() else found
 
     def reversed(self, arm: Arm, driven: bool = False) -> str | None:
@@ -183,7 +179,7 @@ class Agreement(NamedTuple):
 
     def warnings(self, arm: Arm) -> list[str]:
         """All warnings, including joints whose sign the motion does not determine."""
-        silent = (np.abs(self.sign) < _CLEAR) | (self.moved < _STILL)
+        silent = (np.abs(self.sign) < thresholds.CORRELATED) | (self.moved < thresholds.MOVED_FOR_SIGN)
         swapped = self.exchanged(arm)
         found = [swapped] if swapped else [self.gravity(arm), *self.doubts(arm), self.reversed(arm)]
         warnings = [warning for warning in found if warning]
@@ -202,22 +198,21 @@ def to_reverse(names: str) -> str:
 def agreement_of(body: RigidBody, segments: list[Segment], settings: RecordingSettings) -> Agreement:
     """Agreement of segments, read with these settings, with an arm's description."""
     stride = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
-    q, v, a, torque = (np.concatenate([segment[k][::stride] for segment in segments]) for k in range(1, 5))
+    q, v, a, torque = [np.concatenate([x[::stride] for x in signal]) for signal in [*zip(*segments)][1:5]]
     load = load_of(body, q, v, a, torque)
     model = body.torque(q, v, a)
     positions = positions_behind(body, load.misfit, settings, q, v, a, torque)
-    usual, needed = (np.quantile(np.abs(x), _MOST, 0) for x in (torque, model))
     found = Agreement(
         load=load,
         order=_order(model, v, a, torque),
         positions=positions,
         settings=settings,
-        columns=_columns(body, positions, q, v, a, torque) if load.misfit > UNLIKE else None,
+        columns=_columns(body, positions, q, v, a, torque) if load.misfit > thresholds.LEFT_BY_MAP else None,
         turned=not np.array_equal(load.gravity, body.arm.gravity),
         moved=np.ptp(q, 0),
         friction=_dissipated(model, v, a, torque),
-        usual=usual,
-        needed=needed,
+        usual=np.quantile(np.abs(torque), thresholds.USUAL_TORQUE, 0),
+        needed=np.quantile(np.abs(model), thresholds.USUAL_TORQUE, 0),
     )
     return found._replace(pace=_pace(body, q, v, a, torque)) if found.rescaled.any() else found
 
@@ -227,15 +222,15 @@ def _pace(body: RigidBody, *states: Array) -> float:
 
     A motion faster by k has k times the velocity and k² times the acceleration, with the same gravity.
     """
-    q, v, a, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
+    q, v, a, torque = subset(states, _FEW)
 
     def at(pace: float) -> float:
         return misfit(body, (q, pace * v, pace**2 * a), torque)
 
     best = scipy.optimize.minimize_scalar(lambda x: at(math.exp(x)), bounds=_PACES, options={"xatol": 1e-2})
     pace = math.exp(best.x)
-    clear = best.fun < at(1.0) + 2 * math.log(BETTER) and abs(best.x) > math.log(_FASTER)
-    return pace if clear else 1.0
+    better = best.fun < at(1.0) + 2 * math.log(thresholds.EXPLAINED_BY_MAP)
+    return pace if better and abs(best.x) > math.log(thresholds.OTHER_PACE) else 1.0
 
 
 def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
@@ -248,7 +243,7 @@ def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
     share = share_left(unexplained(basis, model.T[..., None]), unexplained(basis, torque))
     found = scipy.optimize.linear_sum_assignment(np.log(share).T)[1]
     other = found != own
-    clear = share[found, own] < BETTER * share.diagonal()
+    clear = share[found, own] < thresholds.EXPLAINED_BY_MAP * share.diagonal()
     return found if clear[other].all() else own
 
 
@@ -260,14 +255,13 @@ def _columns(body: RigidBody, positions: Map | None, *signals: Array) -> list[in
     """
     if body.joints > _ORDERED:
         return None
-    few = [x[:: max(1, len(x) // _SKETCH)] for x in signals]
-    best = min(map(list, permutations(range(body.joints))), key=misfit_by_order(body, *few))
-    gain = sum(j != k for j, k in enumerate(best)) * math.log(BETTER)
-    halves = zip(*(np.array_split(x[:: max(1, len(x) // _FEW)], 2) for x in signals))
-    for x in halves:
+    orders = [list(order) for order in permutations(range(body.joints))]
+    best = min(orders, key=misfit_by_order(body, *subset(signals, _SKETCH)))
+    gain = sum(j != k for j, k in enumerate(best)) * math.log(thresholds.EXPLAINED_BY_MAP)
+    for x in halves_of(subset(signals, _FEW)):
         other = misfit(body, *(positions.of(*x) if positions else (x[:3], x[3])))
         ordered = misfit_by_order(body, *x)(best)
-        if not (gain and ordered < min(other + gain, body.joints * math.log(UNLIKE))):
+        if not (gain and ordered < min(other + gain, body.joints * math.log(thresholds.LEFT_BY_MAP))):
             return None
     return best
 
@@ -277,5 +271,5 @@ def _dissipated(model: Array, v: Array, a: Array, torque: Array) -> Array:
     columns = np.concatenate([other_columns(v, a), model[..., None]], 2).swapaxes(0, 1)  # (J, S, 5)
     weights = np.stack([np.linalg.lstsq(*system)[0] for system in zip(columns, torque.T)])
     friction = (columns[..., :2] @ weights[:, :2, None])[..., 0].T
-    power = np.maximum(np.sqrt(np.square(torque).mean(0) * np.square(v).mean(0)), _TINY)
+    power = np.maximum(np.sqrt(np.square(torque).mean(0) * np.square(v).mean(0)), NEGLIGIBLE)
     return (friction * v).mean(0) / power

@@ -10,9 +10,9 @@ import numpy as np
 from sidegan.base.names import listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
-from sidegan.recording.merged import Part, merged
+from sidegan.recording.merge import ClockedSignals, merge
 from sidegan.recording.settings import RecordingSettings
-from sidegan.recording.tables import Table, Where
+from sidegan.recording.tables import SignalColumns, Table
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -42,7 +42,7 @@ def bag_files(path: Path) -> list[Path]:
 
 def bag_table(
     path: Path, settings: RecordingSettings, names: Sequence[str]
-) -> tuple[Table, Where, list[str]]:
+) -> tuple[Table, SignalColumns, list[str]]:
     """Joint states of the named joints in a bag, which of its columns hold which signal, and remarks.
 
     Time stamps are the headers', or the bag's where headers have none. Messages without any of the joints,
@@ -63,7 +63,7 @@ def bag_table(
     fields = [x for x in _FIELDS if all(len(getattr(m, x)) == len(m.name) for m in firsts)]
     if "position" not in fields:
         raise RecordingError(f"{path.name}: its joint states have no positions")
-    whole = merged([_part(own, some, fields, len(groups) > 1) for own, some in groups.items()])
+    whole = merge([_signals_of(own, some, fields, len(groups) > 1) for own, some in groups.items()])
     found = {"time": whole.time}
     for field in fields:
         found[field] = np.concatenate([whole.signals[f"{field} {name}"] for name in names], 1)
@@ -112,7 +112,9 @@ def _groups(path: Path, messages: Sequence[_Stamped], names: Sequence[str]) -> _
     return taken
 
 
-def _part(own: tuple[str, ...], some: Sequence[_Stamped], fields: Sequence[str], complete: bool) -> Part:
+def _signals_of(
+    own: tuple[str, ...], some: Sequence[_Stamped], fields: Sequence[str], complete: bool
+) -> ClockedSignals:
     """Signals of these joints, a column each; ``complete``: only of messages with a number for each."""
     rows = np.array([_row(message, at, own, fields) for at, message in some])
     rows = rows[np.isfinite(rows).all(1)] if complete else rows
@@ -120,7 +122,7 @@ def _part(own: tuple[str, ...], some: Sequence[_Stamped], fields: Sequence[str],
         raise RecordingError(f"no message of {listed(own)} has a number for each joint")
     columns = [f"{field} {name}" for field in fields for name in own]
     signals = dict(zip(columns, rows.T[1:, :, None]))
-    return Part(f"the messages of {listed(own)}", True, rows[:, 0], signals, [], [])
+    return ClockedSignals(f"the messages of {listed(own)}", True, rows[:, 0], signals, [], [])
 
 
 def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float]:

@@ -52,7 +52,8 @@ class Series:
 
     def of_another_arm(self, arms: "Series") -> bool:
         """Whether names differ from the arm's by a single word that names no signal, as in left and right."""
-        words, others = ([*_words(next(iter(series.columns.values())))] for series in (self, arms))
+        words = [*_words(next(iter(self.columns.values())))]
+        others = [*_words(next(iter(arms.columns.values())))]
         swapped = {pair for pair in zip(words, others) if pair[0] != pair[1]}
         return len(words) == len(others) and len(swapped) == 1 and not {*next(iter(swapped))} & _KNOWN
 
@@ -61,21 +62,27 @@ class Series:
         return f"{self.before}{{{'joint' if self.named else 'index' if base else 'index0'}}}{self.after}"
 
     def signal(self, effort: str, commanded: bool = False) -> str | None:
-        """The signal that the last known word names: a "current position" is a position.
-
-        With ``commanded``, commanded torques count as measured ones.
-        """
-        signals = [_WORDS[word] for word in self.words if word in _WORDS]
-        loads = {"torque", "effort", "current"} & {*signals}
-        foreign = self.foreign - (_COMMANDED if commanded and loads else set())
-        if not signals or foreign or (loads and _RATES & {*self.words}):
-            return None
-        return effort if signals[-1] == "effort" else signals[-1]
+        """The signal of the columns; see ``signal_of``."""
+        return signal_of(f"{self.before} {self.after}", effort, commanded)
 
     @property
     def foreign(self) -> set[str]:
         """Words that rule out that these are joint measurements."""
         return _OTHERS & {*self.words}
+
+
+def signal_of(name: str, effort: str, commanded: bool = False) -> str | None:
+    """The signal that the last known word of a name names: a "current position" is a position.
+
+    ``effort`` is what an effort is, torque or current. ``commanded``: commanded torques count as measured.
+    """
+    words = {*_words(name)}
+    signals = [_WORDS[word] for word in _words(name) if word in _WORDS]
+    loads = {"torque", "effort", "current"} & {*signals}
+    foreign = (words & _OTHERS) - (_COMMANDED if commanded and loads else set())
+    if not signals or foreign or (loads and _RATES & words):
+        return None
+    return effort if signals[-1] == "effort" else signals[-1]
 
 
 def is_commanded(column: str) -> bool:
@@ -105,7 +112,8 @@ def series_of(available: Sequence[str], names: Sequence[str]) -> list[Series]:
 
 def _bounded(name: str) -> str:
     """A regular expression for a name that is not part of a longer word or number."""
-    before, after = (r"\d" if end.isdigit() else "[A-Za-z]" for end in (name[:1], name[-1:]))
+    before = r"\d" if name[:1].isdigit() else "[A-Za-z]"
+    after = r"\d" if name[-1:].isdigit() else "[A-Za-z]"
     return rf"(?<!{before}){re.escape(name)}(?!{after})"
 
 
@@ -145,6 +153,6 @@ def own_names(available: Sequence[str], signal: str, count: int) -> list[str]:
     fitting = {
         key: names
         for key, names in groups.items()
-        if len(names) == count and Series(*key, False, {}).signal("torque") == signal
+        if len(names) == count and signal_of(" ".join(key), "torque") == signal
     }
     return fitting[max(fitting, key=lambda key: len(key[0]) + len(key[1]))] if fitting else []

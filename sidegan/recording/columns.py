@@ -7,13 +7,21 @@ from typing import NoReturn
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
-from sidegan.recording.column_names import Series, is_commanded, is_split, own_names, series_of, stamps_of
+from sidegan.recording import thresholds
+from sidegan.recording.column_names import (
+    Series,
+    is_commanded,
+    is_split,
+    own_names,
+    series_of,
+    signal_of,
+    stamps_of,
+)
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
-from sidegan.recording.stamps import dated
-from sidegan.recording.tables import Table, Where
+from sidegan.recording.stamps import date_columns
+from sidegan.recording.tables import SignalColumns, Table
 from sidegan.robot import setting
 
-_MOST_LEFT = 2  # columns after the arm's last joint that may be a gripper's; more belong to another arm
 _SHOWN = 3  # patterns that a message suggests
 _JOINT = re.compile(r"\s*((joint|axis|motor)([ _]?(name|id|index|number))?|name|id)\s*", re.IGNORECASE)
 
@@ -76,14 +84,14 @@ class Finder:
         self.only = only
         self.count = len(joints.places)
         self.effort = settings.effort
-        loads = {Series(c, "", True, {}).signal(self.effort) for c in self.available}
+        loads = {signal_of(column, self.effort) for column in self.available}
         self.commanded = not {"torque", "current"} & loads  # whether torques are commanded ones, if any
         self.series = series_of(self.available, joints.chain)
         self.numberings = self._numberings()
         self.numbering, *others = self._likeliest()
         self.ambiguous = bool(others)
 
-    def found(self) -> tuple[Where, list[str]]:
+    def found(self) -> tuple[SignalColumns, list[str]]:
         """Columns of time (two if split into seconds and nanoseconds) and each signal, and remarks."""
         time = self._time()
         where = {"time": time} if time else {}
@@ -118,7 +126,7 @@ class Finder:
         names = self.settings.time.split("|")
         stamps = [name for name in names if name in self.available][:1]
         if not stamps and AUTO in names:
-            stamps = stamps_of(self.available) or dated(self.table)
+            stamps = stamps_of(self.available) or date_columns(self.table)
         if not stamps and self.settings.rate is None:
             wanted = "like 't' or 'time'" if AUTO in names else " or ".join(map(repr, names))
             raise RecordingError(
@@ -146,7 +154,7 @@ class Finder:
             self._refuse_several(signal, [*ways.values()])
         for columns, pattern in ways.items():
             left = 0 if "{joint}" in pattern else len(self._left(columns, pattern))
-            if left > _MOST_LEFT:
+            if left > thresholds.MOST_GRIPPER_COLUMNS:
                 raise RecordingError(
                     f"{self.file} has {signal} of {counted(len(columns) + left, 'joint')}, the arm has "
                     f"{len(columns)}; if the first {len(columns)} are the arm's: {_typed(signal, pattern)}"
@@ -166,9 +174,7 @@ class Finder:
 
     def _arrays(self, signal: str | None) -> list[str]:
         """Columns of lists with an element per joint that are named like a signal, or like none."""
-        called = [
-            c for c in self.available if Series(c, "", True, {}).signal(self.effort, self.commanded) == signal
-        ]
+        called = [c for c in self.available if signal_of(c, self.effort, self.commanded) == signal]
         return [c for c in called if self.table.width(c) == self.count]
 
     def _of(self, series: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:
@@ -199,12 +205,11 @@ class Finder:
         """Numberings with which most signals are complete, the likeliest first."""
         series = [s for s in self.series if not s.named]
         signals = [s for s in series if s.signal(self.effort)]
-        scores = {
-            numbering: tuple(
-                sum(len(s.of(*numbering)) == self.count for s in kind) for kind in (signals, series)
-            )
-            for numbering in self.numberings
-        }
+
+        def whole(kind: Sequence[Series], numbering: Numbering) -> int:
+            return sum(len(s.of(*numbering)) == self.count for s in kind)
+
+        scores = {x: (whole(signals, x), whole(series, x)) for x in self.numberings}
         if (most := max(scores.values())) == (0, 0):
             return [(self.joints.places, 0 if any(0 in s.columns for s in signals) else 1)]
         return [score for score in scores if scores[score] == most]
@@ -226,7 +231,7 @@ class Finder:
             return []
         return [f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, etc."]
 
-    def _left_over(self, where: Where, patterns: Mapping[str, str]) -> list[str]:
+    def _left_over(self, where: SignalColumns, patterns: Mapping[str, str]) -> list[str]:
         """A remark on columns of more joints than the arm has."""
         lefts = {signal: self._left(where[signal], pattern) for signal, pattern in patterns.items()}
         left = [*dict.fromkeys(column for columns in lefts.values() for column in columns)]
@@ -269,7 +274,8 @@ class Finder:
         """The end of a message: what to type when joints lack a signal."""
         partial = len(joints) < len(self.joints.own)
         if signal == "position" or not partial:
-            return self._offers(signal) or self._another_file("effort") * (not partial and not self.only)
+            offers = self._offers(signal)
+            return offers if offers or partial or self.only else self._another_file("effort")
         if signal in ("torque", "current"):
             return f"; joints that do not move can be left out: {setting('recording.without', joints)}"
         return f"; to derive it instead: recording.{signal}=null"

@@ -13,13 +13,13 @@ import scipy  # submodules load lazily
 from sidegan.base.arrays import Array
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
+from sidegan.recording import thresholds
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import bandwidth_of
+from sidegan.recording.thresholds import LEAST_SCALE
 
 FOLDER = "trajectories"  # in the folder of an excite run
 _RATE = 50.0  # [Hz] sampling rate of the search
-_ALIKE = 0.9  # least correlation of recorded and commanded velocities
-_NEAR = 0.1  # [rad or m] largest difference of mean commanded and recorded positions
 _ROUNDS = 4  # of refining the start of a repetition
 
 
@@ -87,7 +87,9 @@ def load_commanded(path: Path, joint_names: Sequence[str], coupling: Array) -> l
     return found
 
 
-def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tuple[list[Recording], Repeated]:
+def average_repetitions(
+    recording: Recording, sent: Sequence[Commanded], gap: float
+) -> tuple[list[Recording], Repeated]:
     """Each commanded trajectory found in a recording, averaged over its repetitions, in order of time.
 
     Repetitions that contain a gap [s] are left out.
@@ -107,7 +109,8 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
     random = np.random.default_rng(0).standard_normal(signals["position"].shape)
     white = scipy.interpolate.PchipInterpolator(time, random)
     found = []
-    squares, free = np.zeros(len(names)), 0  # squared deviations, and their degrees of freedom
+    squares = np.zeros(len(names))  # of the deviations between repetitions
+    free = 0  # degrees of freedom of these
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
         repeats = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
@@ -136,7 +139,7 @@ def _starts(time: Array, position: Array, sent: Sequence[Commanded], gap: float)
     starts: dict[int, list[float]] = {}
     while True:
         k = int(np.argmax([x.max(initial=0.0) for x in alike]))
-        if alike[k].max(initial=0.0) < _ALIKE:
+        if alike[k].max(initial=0.0) < thresholds.COMMANDED:
             return {k: sorted(starts[k]) for k in sorted(starts)}
         at = int(alike[k].argmax())
         start = _start_time(time, position, sent[k], float(grid[at]))
@@ -152,7 +155,7 @@ def _correlation(velocity: Array, wanted: Array) -> Array:
         return np.zeros(0)
     match = sum(scipy.signal.correlate(v, w, "valid", "fft") for v, w in zip(velocity.T, wanted.T))
     energy = np.cumsum(np.append(0.0, (velocity**2).sum(1)))
-    power = np.maximum((energy[len(wanted) :] - energy[: -len(wanted)]) * (wanted**2).sum(), 1e-300)
+    power = np.maximum((energy[len(wanted) :] - energy[: -len(wanted)]) * (wanted**2).sum(), LEAST_SCALE)
     return match / np.sqrt(power)
 
 
@@ -173,4 +176,4 @@ def _start_time(time: Array, position: Array, sent: Commanded, start: float) -> 
     last = float(time[-1] - sent.time[-1])
     slack = 1 / _RATE
     inside = first - slack <= start <= last + slack
-    return min(max(start, first), last) if inside and off < _NEAR else None
+    return min(max(start, first), last) if inside and off < thresholds.COMMANDED_PLACE else None

@@ -10,19 +10,16 @@ import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.gravity import misfit
+from sidegan.recording import thresholds
+from sidegan.recording.misfit import halves_of, misfit, subset
 from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.units import Units
 from sidegan.robot import Arm
 from sidegan.robot.sources import read_source
 from sidegan.robot.units import transmissions
 
-BETTER = 0.3  # largest ratio of residuals, of other over recorded positions, at which others are believed
-UNLIKE = 0.3  # most that they may leave unexplained then, mean over joints
 _FEW = 500  # samples to compare positions by
 _HALVES = 2_000  # samples, in two halves, in which the best are compared again
-_POOR = 0.15  # mean unexplained share from which a factor is sought for each joint
-_FACTORS = 0.4  # largest ratio of the mean unexplained shares, with over without factors
 _FARTHEST = 1.5  # largest logarithm of a factor, from where the joints reach half of their limits
 _SHARES = {"per cent of each joint's range (−100 to 100)": (-100, 100), "shares of it (−1 to 1)": (-1, 1)}
 _SHARES |= {"per cent of each joint's range (0 to 100)": (0, 100), "shares of it (0 to 1)": (0, 1)}
@@ -99,20 +96,22 @@ def positions_behind(
     None if there is none. ``left`` is the mean unexplained share without a map, with the best gravity.
     """
     arm, joints, units = body.arm, body.joints, settings.units
-    few = [x[:: max(1, len(q) // _FEW)] for x in (q, v, a, torque)]
+    signals = q, v, a, torque
+    few = subset(signals, _FEW)
     same = Map(np.eye(joints), np.zeros(joints), "")
 
     def misfit_of(x: Map) -> float:
         return misfit(body, *x.of(*few))
 
-    best = min([same, *_units(arm, units), *_columns(arm, settings, left > _POOR)], key=misfit_of)
-    if misfit_of(best) > joints * math.log(_POOR):
+    best = min([same, *_units(arm, units), *_columns(arm, settings, left > thresholds.POOR)], key=misfit_of)
+    if misfit_of(best) > joints * math.log(thresholds.POOR):
         factors = _factors(body, units, few)
-        best = factors if misfit_of(factors) < misfit_of(best) + joints * math.log(_FACTORS) else best
-    for part in zip(*(np.array_split(x[:: max(1, len(q) // _HALVES)], 2) for x in (q, v, a, torque))):
+        if misfit_of(factors) < misfit_of(best) + joints * math.log(thresholds.EXPLAINED_BY_RATIOS):
+            best = factors
+    better, like = 2 * math.log(thresholds.EXPLAINED_BY_MAP), joints * math.log(thresholds.LEFT_BY_MAP)
+    for part in halves_of(subset(signals, _HALVES)):
         before = min(misfit(body, part[:3], part[3]), joints * math.log(left))
-        after = misfit(body, *best.of(*part))
-        if after > min(before + 2 * math.log(BETTER), joints * math.log(UNLIKE)):
+        if misfit(body, *best.of(*part)) > min(before + better, like):
             return None
     return best
 

@@ -8,22 +8,19 @@ import numpy as np
 
 from sidegan.base.arrays import Array, flatten
 from sidegan.motion.dynamics import RigidBody
+from sidegan.recording import thresholds
+from sidegan.recording.misfit import subset
 from sidegan.recording.recording import Segment
+from sidegan.recording.thresholds import LEAST_SCALE
 
 _SAMPLES = 3000  # used, spread over the recording
 _ROUNDS = 4  # of Gauss-Newton
 _SETTLED = 1e-5  # [s] step at which Gauss-Newton has converged
 _STEP = 0.1  # [s] largest delay found by a single fit
-_NEAR = 0.02  # [s] up to which a single fit is accurate, and a delay needs no warning
-LONGEST = 1.0  # [s] longest delay that is searched
 _LEAST_KEPT = 0.5  # share of a recording left at the longest delay
 _FITS = 8  # each after the delay found so far is removed
-_BETTER = 0.5  # largest residual at a long delay, relative to that without
 _ROUNDING = 1e-12  # relative eigenvalue below which there is no information
 _CORRELATED = 5.0  # samples per independent one: the error is low-passed, at ten samples per cut-off period
-_CLEAR = 3.0  # standard deviations from zero at which a delay is believed
-_WORTH = 2e-3  # [s] smallest delay worth removing; stiction looks like smaller ones
-_ALIKE = 3e-3  # [s] between delays of the same arm, part of which may be stiction
 _AWAY = 0.3  # of a joint's RMS speed, above which friction does not depend on reversals
 
 
@@ -38,17 +35,17 @@ class Delay(NamedTuple):
     @property
     def noticed(self) -> bool:
         """Whether it deserves a warning."""
-        return self.lost or (self.believed and abs(self.seconds) > _NEAR)
+        return self.lost or (self.believed and abs(self.seconds) > thresholds.NOTABLE_DELAY)
 
     @property
     def believed(self) -> bool:
         """Whether it differs from zero significantly."""
-        return _CLEAR * self.deviation < abs(self.seconds) and not self.lost
+        return thresholds.CERTAIN_DELAY * self.deviation < abs(self.seconds) and not self.lost
 
     @property
     def lost(self) -> bool:
         """Whether it is beyond the range of the search."""
-        return not self.given and abs(self.seconds) >= LONGEST
+        return not self.given and abs(self.seconds) >= thresholds.LONGEST_DELAY
 
     def statement(self, corrected: bool) -> str:
         """A sentence on the delay, and on whether it was removed."""
@@ -58,63 +55,68 @@ class Delay(NamedTuple):
             return f"torques are assumed to be {size:g} ms {when} than the motion, as set"
         if self.lost:
             return (
-                f"torques look more than {LONGEST:g} s {when} than the motion, the most that is searched: "
-                "left as they are; same motion, same clock? If the delay is real, set recording.delay=… [s]"
+                f"torques look more than {thresholds.LONGEST_DELAY:g} s {when} than the motion, the most "
+                "that is searched: left as they are; same motion, same clock? If the delay is real, set "
+                "recording.delay=… [s]"
             )
-        worth = self.believed and abs(self.seconds) > _WORTH
-        left = "not corrected" + "; recording.delay=null corrects it" * worth
         if math.isinf(self.deviation):
             return "the delay of the torques cannot be determined: not corrected"
+        done = "corrected" if corrected else "not corrected"
+        if not corrected and self.believed and abs(self.seconds) > thresholds.LEAST_DELAY:
+            done += "; recording.delay=null corrects it"
         rounded = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}"
-        delay = f"torques are {rounded} ± {self.deviation * 1e3:.2g} ms {when} than the motion"
-        return f"{delay}: {'corrected' if corrected else left}"
+        return f"torques are {rounded} ± {self.deviation * 1e3:.2g} ms {when} than the motion: {done}"
 
 
-def pooled(delays: Sequence[Delay]) -> Delay | None:
+def pool_delays(delays: Sequence[Delay]) -> Delay | None:
     """The common delay of several recordings; None if there is only one recording or they differ."""
     if len(delays) < 2 or not all(0 < delay.deviation < math.inf for delay in delays):
         return None
     weights = [delay.deviation**-2 for delay in delays]
     mean = sum(w * delay.seconds for w, delay in zip(weights, delays)) / sum(weights)
-    apart = any(abs(delay.seconds - mean) > max(_CLEAR * delay.deviation, _ALIKE) for delay in delays)
-    return None if apart else Delay(mean, sum(weights) ** -0.5, clear=all(delay.clear for delay in delays))
+    for delay in delays:
+        same = max(thresholds.CERTAIN_DELAY * delay.deviation, thresholds.SAME_DELAY)
+        if abs(delay.seconds - mean) > same:
+            return None
+    return Delay(mean, sum(weights) ** -0.5, clear=all(delay.clear for delay in delays))
 
 
-def measured(body: RigidBody, segments: list[Segment], less: Callable[[float], list[Segment]]) -> Delay:
+def estimate_delay(body: RigidBody, segments: list[Segment], less: Callable[[float], list[Segment]]) -> Delay:
     """Delay of the torques, however long; ``less`` returns segments with a delay [s] removed.
 
     Near a joint's reversals, friction that leads or lags the velocity looks like a delay, so only faster
     samples are used. The exception: if these say that torques are early and all samples say that they are
     late, all samples are used. Friction lags, and removing that lag explains more of it.
     """
-    away = _refined(body, segments, less, _AWAY)
-    if away.seconds > -_WORTH:
+    longest = thresholds.LONGEST_DELAY
+    coarse = _coarse(body, segments)
+
+    def refined(above: float) -> Delay:
+        """Delay from samples in which a joint is faster than the share ``above`` of its RMS speed."""
+        taken = coarse
+        found = delay_of(body, less(taken) if taken else segments, above)
+        for _ in range(_FITS):
+            if abs(found.seconds) <= thresholds.NOTABLE_DELAY:
+                break
+            taken = max(-longest, min(longest, taken + found.seconds))
+            found = delay_of(body, less(taken), above)
+        whole = taken + found.seconds
+        if not coarse and _STEP < abs(whole) < longest:  # so long a delay would have reduced the residual
+            return Delay(0.0, math.inf)
+        return Delay(max(-longest, min(longest, whole)), found.deviation, clear=coarse != 0)
+
+    away = refined(_AWAY)
+    if away.seconds > -thresholds.LEAST_DELAY:
         return away
-    whole = _refined(body, segments, less, 0.0)
+    whole = refined(0.0)
     return whole if whole.seconds > 0 else away
-
-
-def _refined(
-    body: RigidBody, segments: list[Segment], less: Callable[[float], list[Segment]], above: float
-) -> Delay:
-    """Delay from samples in which a joint is faster than the share ``above`` of its RMS speed."""
-    taken = coarse = _coarse(body, segments)
-    found = delay_of(body, less(taken) if taken else segments, above)
-    for _ in range(_FITS):
-        if abs(found.seconds) <= _NEAR:
-            break
-        taken = max(-LONGEST, min(LONGEST, taken + found.seconds))
-        found = delay_of(body, less(taken), above)
-    whole = taken + found.seconds
-    if not coarse and _STEP < abs(whole) < LONGEST:  # so long a delay would have reduced the residual
-        return Delay(0.0, math.inf)
-    return Delay(max(-LONGEST, min(LONGEST, whole)), found.deviation, clear=coarse != 0)
 
 
 def _coarse(body: RigidBody, segments: list[Segment]) -> float:
     """Long delay [s], a multiple of the sampling step, with the smallest residual; 0 if there is none."""
     step = float(segments[0].time[1] - segments[0].time[0])
-    furthest = min(round(LONGEST / step), int(max(len(x.time) for x in segments) * (1 - _LEAST_KEPT) / 2))
+    most = int(max(len(x.time) for x in segments) * (1 - _LEAST_KEPT) / 2)
+    furthest = min(round(thresholds.LONGEST_DELAY / step), most)
     inner = [x for x in segments if len(x.time) > 2 * furthest]
     stride = max(1, sum(len(x.time) - 2 * furthest for x in inner) // _SAMPLES)
     states, torques = [], []
@@ -124,7 +126,7 @@ def _coarse(body: RigidBody, segments: list[Segment]) -> float:
         torques.append(x.torque[rows[:, None] + np.arange(-furthest, furthest + 1)])
     columns = np.concatenate([_columns(body, *x[1:4], x.sign) for x in states])
     torque = np.concatenate(torques)  # (S, D, J)
-    weights = 1 / np.maximum(torque[:, furthest].std(0), 1e-300)
+    weights = 1 / np.maximum(torque[:, furthest].std(0), LEAST_SCALE)
     basis = (columns * weights[:, None]).reshape(-1, columns.shape[2])
     inverse, scale = _inverse(basis)
     right = (torque * weights).swapaxes(1, 2).reshape(len(basis), -1)
@@ -132,7 +134,8 @@ def _coarse(body: RigidBody, segments: list[Segment]) -> float:
     left = 1 - (moment * (inverse @ moment)).sum(0) / np.square(right).sum(0)
     best = int(left.argmin())
     late = (best - furthest) * step
-    return late if abs(late) > _NEAR and left[best] < _BETTER * left[furthest] else 0.0
+    clear = left[best] < thresholds.EXPLAINED_BY_DELAY * left[furthest]
+    return late if clear and abs(late) > thresholds.NOTABLE_DELAY else 0.0
 
 
 def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> Delay:
@@ -142,9 +145,8 @@ def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> De
     the description's inertias do not matter. Joints are weighted by their residuals and count only where
     they are faster than the share ``above`` of their RMS speed.
     """
-    whole = [np.concatenate(x) for x in zip(*map(_rates, segments))]
-    stride = max(1, len(whole[0]) // _SAMPLES)
-    q, dq, ddq, torque, sign, rate, bend = (x[::stride] for x in whole)
+    whole = [np.concatenate(x) for x in zip(*(_rates(segment) for segment in segments))]
+    q, dq, ddq, torque, sign, rate, bend = subset(whole, _SAMPLES)
     known = _columns(body, q, dq, ddq, sign)
     if above:
         fast = np.abs(dq) >= above * np.sqrt(np.square(dq).mean(0))
@@ -170,7 +172,7 @@ def _columns(body: RigidBody, q: Array, dq: Array, ddq: Array, sign: Array) -> A
 
 def _step(columns: Array, torque: Array) -> tuple[float, float]:
     """Last parameter of a weighted least-squares fit of columns (S, J, P), and its standard deviation."""
-    weights = 1 / np.maximum(torque.std(0), 1e-300)
+    weights = 1 / np.maximum(torque.std(0), LEAST_SCALE)
     for _ in range(2):
         rows = (columns * weights[:, None]).reshape(-1, columns.shape[2])
         inverse, scale = _inverse(rows)
@@ -181,7 +183,7 @@ def _step(columns: Array, torque: Array) -> tuple[float, float]:
 
 def _inverse(rows: Array) -> tuple[Array, Array]:
     """Inverse information (P, P) of rows (N, P) with normalised columns, and the columns' norms, (P,)."""
-    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    scale = np.maximum(np.linalg.norm(rows, axis=0), LEAST_SCALE)
     return np.linalg.pinv((rows / scale).T @ (rows / scale), _ROUNDING, hermitian=True), scale
 
 

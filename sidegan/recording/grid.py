@@ -11,7 +11,7 @@ from sidegan.base.arrays import Array
 
 _HIGHEST = 0.8  # of the Nyquist frequency, above which a low-pass has nothing to remove
 _ORDER = 4  # of the low-pass, which runs forwards and backwards
-_LEAST = 4  # samples of a run, as many as the interpolation needs
+_LEAST = 4  # samples of a stretch, as many as the interpolation needs
 _BAND = (1.5, 3.0)  # of noise, times the low-pass's cut-off, itself twelve times the motion's bandwidth
 _RESOLVED = 0.6  # of the Nyquist frequency, above which interpolation to the grid attenuates noise
 _MOST = 200_000  # samples of a part from which noise is estimated
@@ -45,7 +45,7 @@ class Grid:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class Stretch:
     """A stretch of samples without a gap, and a uniform grid over it."""
 
     samples: Array  # indices, (S,)
@@ -70,10 +70,10 @@ class Run:
         return np.stack([scipy.interpolate.PchipInterpolator(self.time[part], y)(at) for y in columns], 1)
 
 
-def runs(time: Array, step: float, gap: float) -> Iterator[Run]:
+def continuous_stretches(time: Array, step: float, gap: float) -> Iterator[Stretch]:
     """Stretches of samples at ascending times (S,) [s] between gaps, with a grid of this step [s].
 
-    Samples with a repeated time stamp are left out, and so are runs of fewer than four samples or points.
+    Samples with a repeated time stamp are left out, and so are those of fewer than four samples or points.
     """
     fresh = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0)
     time = time[fresh]
@@ -81,23 +81,23 @@ def runs(time: Array, step: float, gap: float) -> Iterator[Run]:
     for samples, t in zip(np.split(fresh, cuts), np.split(time, cuts)):
         points = int((t[-1] - t[0]) / step * (1 + 1e-12) + 1e-9) + 1  # not one fewer by rounding
         if min(len(t), points) >= _LEAST:
-            yield Run(samples, t, step, points)
+            yield Stretch(samples, t, step, points)
 
 
-def stretches(marked: Array) -> tuple[Array, Array]:
+def marked_ranges(marked: Array) -> tuple[Array, Array]:
     """First indices of stretches of marked samples (S,), and the indices after their last."""
     edges = np.flatnonzero(np.diff(np.pad(marked, 1)))
     return edges[::2], edges[1::2]
 
 
-def held(signals: Array) -> tuple[Array, Array]:
+def constant_ranges(signals: Array) -> tuple[Array, Array]:
     """First and last indices of the stretches in which no signal, (S, C), changes."""
     begins = np.append(0, np.flatnonzero((signals[1:] != signals[:-1]).any(1)) + 1)
     return begins, np.append(begins[1:], len(signals)) - 1
 
 
-def interpolated(at: Array, time: Array, signals: Array, gap: float) -> Array:
-    """Signals (S, C) at times (K,) [s], (K, C), interpolated as by ``Run.at``; NaN outside and in gaps."""
+def interpolate(at: Array, time: Array, signals: Array, gap: float) -> Array:
+    """Signals (S, C) at times (K,) [s], (K, C), as by ``Stretch.at``; NaN outside and in gaps."""
     fresh = np.diff(time, prepend=-np.inf) > 0
     time, signals = time[fresh], signals[fresh]
     values = scipy.interpolate.PchipInterpolator(time, signals, extrapolate=False)(at)
@@ -140,10 +140,10 @@ def noise_of(torques: Sequence[tuple[Array, Array]], grid: Grid) -> Array:
     high = min(_BAND[1] * grid.cutoff, _RESOLVED / (2 * grid.step))
     size = round(_BLOCK / (grid.cutoff * grid.step))
     signals = (
-        run.at([torque], 0, run.points)
+        stretch.at([torque], 0, stretch.points)
         for time, torque in torques
-        for run in runs(time[:_MOST], grid.step, grid.gap)
-        if run.points >= size
+        for stretch in continuous_stretches(time[:_MOST], grid.step, grid.gap)
+        if stretch.points >= size
     )
     found, weights = [], []
     for x in signals if low < high else ():

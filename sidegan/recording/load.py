@@ -12,22 +12,19 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
-from sidegan.recording import tables
+from sidegan.recording import tables, thresholds
 from sidegan.recording.bags import bag_files, bag_table, is_bag
 from sidegan.recording.columns import Finder, Joints
-from sidegan.recording.mended import driven, unwrapped
-from sidegan.recording.merged import Part, merged
+from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
+from sidegan.recording.merge import ClockedSignals, merge
 from sidegan.recording.recording import Recording
+from sidegan.recording.repairs import remove_undriven, unwrap
 from sidegan.recording.settings import SIGNALS, Files, Recorded, RecordingSettings, paths_of
 from sidegan.recording.stamps import stamps_in_si
-from sidegan.recording.tables import Table, Where
+from sidegan.recording.tables import SignalColumns, Table
 from sidegan.recording.text import text_table
 from sidegan.recording.units import Units
 
-_MOST_CORRUPT = 0.5  # of the rows of a file
-_LARGEST = 1e12  # value in SI units that may be a measurement
-_LATEST = 1e21  # time stamp; those above ``_LARGEST`` are damaged rows unless most of them are
-_APART = 0.1  # of the rows; a signal missing in more has its own time stamps
 _PARQUET = b"PAR1"  # first bytes of such files
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
@@ -59,15 +56,15 @@ def load_recording(
     if isinstance(files, Files):
         paths = files.signals(settings.effort).items()
         sources = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
-    found = merged([_read(path, settings, joints, only) for only, path in sources])
+    found = merge([_read(path, settings, joints, only) for only, path in sources])
     notes = {"corrupt": tuple(found.corrupt), "remarks": tuple(found.remarks)}
     fields: dict[str, Any] = found.signals | notes
-    read = unwrapped(Recording(name, tuple(joint_names), found.time, **fields), joints.slides)
+    read = unwrap(Recording(name, tuple(joint_names), found.time, **fields), joints.slides)
     if settings.coupling:
         matrix = settings.motion_matrix(joint_names)
         coupled = {name: x @ matrix.T for name, x in read.signals().items() if name in SIGNALS[:3]}
         read = replace(read, **coupled)  # type: ignore[arg-type]
-    return driven(read)
+    return remove_undriven(read)
 
 
 def recording_name(files: Recorded | Path) -> str:
@@ -79,10 +76,10 @@ def files_of(path: Path) -> list[Path]:
     """Files of a recording: the path itself, or those in its folder."""
     if not path.is_dir():
         return [path]
-    return tables.dataset_files(path) if tables.is_dataset(path) else bag_files(path)
+    return dataset_files(path) if is_dataset(path) else bag_files(path)
 
 
-def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> Part:
+def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> ClockedSignals:
     """All signals of a file, or only one, without corrupt rows; signals with their own clocks are merged."""
     with reading(path, "recording", RecordingError):
         if not path.exists():
@@ -113,7 +110,7 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
         read = f"{', '.join(stated)}, according to the {source}; recording.units overrides them"
         remarks = [read, *remarks]
     apart = _apart(signals, table.rows)
-    found = merged([_part(path.name, where, group, rows, settings.rate) for group, rows in apart])
+    found = merge([_without_corrupt_rows(path.name, where, *group, settings.rate) for group in apart])
     return found._replace(
         file=path.name, corrupt=[*table.skipped, *found.corrupt], remarks=[*remarks, *found.remarks]
     )
@@ -129,10 +126,10 @@ def _suffix(path: Path) -> str:
 
 def _open(
     path: Path, suffix: str, settings: RecordingSettings, joints: Joints, only: str | None
-) -> tuple[Table, Where, list[str]]:
+) -> tuple[Table, SignalColumns, list[str]]:
     """A file's table, which of its columns hold which signal, and remarks on that."""
-    if tables.is_dataset(path):
-        table = tables.dataset_table(path)
+    if is_dataset(path):
+        table = dataset_table(path)
     elif is_bag(path):
         table, where, remarks = bag_table(path, settings, joints.names)
         if only and only not in where:
@@ -174,7 +171,7 @@ def _in_si(
 def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array], Array]]:
     """Signals and their rows, (S,): all together, or each with its time stamps if many cells are blank."""
     blank = {name: np.asarray(np.isnan(x).all(1)) for name, x in signals.items() if name != "time"}
-    if not any(_APART < lacks.mean() < 1 for lacks in blank.values()):
+    if not any(thresholds.BLANK_CELLS < lacks.mean() < 1 for lacks in blank.values()):
         return [(signals, rows)]
     return [
         ({key: signals[key][~lacks] for key in ("time", name) if key in signals}, rows[: len(lacks)][~lacks])
@@ -182,25 +179,28 @@ def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array
     ]
 
 
-def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate: float | None) -> Part:
+def _without_corrupt_rows(
+    file: str, where: SignalColumns, signals: dict[str, Array], rows: Array, rate: float | None
+) -> ClockedSignals:
     """Signals without corrupt rows, in which a column lacks a plausible number."""
     names, lacks = [], []
     for name in signals.keys() & {"torque", "current"}:
-        blank = np.isnan(signals[name]).all(
-            0
-        )  # a driver that has none for some joints: refused by their names
-        if blank.any() and not blank.all():
+        blank = np.isnan(signals[name]).all(0)
+        if blank.any() and not blank.all():  # a driver has none for some joints: refused by their names
             signals[name] = np.where(blank, 0.0, signals[name])
     for name, signal in signals.items():
-        late = name == "time" and np.count_nonzero(np.abs(signal) > _LARGEST) > len(signal) / 2
+        largest = thresholds.LARGEST_VALUE
+        if name == "time" and 2 * np.count_nonzero(np.abs(signal) > largest) > len(signal):
+            largest = thresholds.LATEST_STAMP
         for k, x in enumerate(signal.T):
             separate = signal.shape[1] <= len(where[name])  # a column for each joint
             names.append(where[name][k] if separate else f"{where[name][0]}[{k}]")
-            lacks.append(~(np.abs(x) <= (_LATEST if late else _LARGEST)))
+            lacks.append(~(np.abs(x) <= largest))
     missing = np.stack(lacks)  # (C, S)
     good = np.asarray(~missing.any(0))
-    if len(good) and 1 - good.mean() > _MOST_CORRUPT:
-        worst = [name for name, share in zip(names, missing.mean(1)) if share > _MOST_CORRUPT / len(names)]
+    if len(good) and 1 - good.mean() > thresholds.MOST_CORRUPT:
+        share = thresholds.MOST_CORRUPT / len(names)
+        worst = [name for name, lacking in zip(names, missing.mean(1)) if lacking > share]
         raise RecordingError(
             f"{file}: {1 - good.mean():.0%} of its rows lack a number, in column {listed(worst)}"
         )
@@ -214,4 +214,4 @@ def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate:
     kept = {name: x[whole] for name, x in signals.items()}
     stamps = kept.pop("time", None)
     time = rows[: len(good)][good] / (rate or 1.0) if stamps is None else stamps[:, 0]
-    return Part(f"the {listed([*kept])} of {file}", stamps is not None, time, kept, corrupt, [])
+    return ClockedSignals(f"the {listed([*kept])} of {file}", stamps is not None, time, kept, corrupt, [])

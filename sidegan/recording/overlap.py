@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import combinations, permutations
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -11,21 +11,19 @@ import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
-from sidegan.recording.grid import stretches
+from sidegan.recording import thresholds
+from sidegan.recording.grid import marked_ranges
 from sidegan.recording.recording import Recording
 
-_STRETCH = 32  # consecutive common rows that are no coincidence
 _COUNTED = ("torque", "current", "velocity", "acceleration")  # compared if both recordings have them
 _PART, _PARTS = 8.0, 4  # [s] of a recording that are looked for in another, and how many such parts
 _REACH, _GROWTH = 0.5, 1.15  # [s] of the longest filter that is found, and ratio of its neighbouring lags
 _COARSE = 0.02  # [s] step in which a part is looked for
 _ROWS = 800  # of a part to which a filter is fitted
 _PLACES = 3  # at which it is compared: periodic motions look alike once a period
-_LIKE = 0.05  # most of a part's variance that may differ from the other recording before a filter is fitted
-_TINY = 1e-30
+_TINY = 1e-30  # of a deviation or variance of torques: keeps quotients finite
 _ORDER = 6  # of the differences that only noise is left in
 _CALM = 0.25  # share of these that no jump is in
-_COPY = 0.4  # most of the noise's variance that is left of a copy; of a repetition, more than all is left
 
 
 class Digests(NamedTuple):
@@ -54,13 +52,15 @@ def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
     """Refuse named recordings if any two of them share a stretch of samples or torques."""
     for (first, a), (second, b) in combinations(recordings, 2):
         common = ["position", *(n for n in _COUNTED if n in a.signals and n in b.signals)]
-        (hashes, _), (others, time) = (x.changing(common) for x in (a, b))
+        hashes, _ = a.changing(common)
+        others, time = b.changing(common)
         if where := _stretch(np.isin(others, hashes), time):
             raise RecordingError(
                 f"{second} holds samples of {first}, {where}: they would count twice, "
                 "or a model would be validated on its own training data"
             )
-        (hashes, _), (others, time) = (x.changing([x.load]) for x in (a, b))
+        hashes, _ = a.changing([a.load])
+        others, time = b.changing([b.load])
         if where := _stretch(_in_order(hashes, others), time):
             raise RecordingError(
                 f"{second} has the same torques as {first}, {where}, but another motion: "
@@ -73,12 +73,17 @@ def same_run(first: Digests, second: Digests) -> bool:
 
     A filter then makes its torques, with their noise, from the other's. Repetitions have other noise.
     """
-    noises = [_noise(x.torque) for x in (first, second)]
-    shares = [noise / np.maximum(x.torque.std(0), _TINY) for x, noise in zip((first, second), noises)]
-    for (source, noise, share), (copy, _, other) in permutations(zip((first, second), noises, shares)):
-        if (share >= other / 2).all() and any(_is_copy(source, noise, *part) for part in _parts(copy)):
+    for source, copy in ((first, second), (second, first)):
+        noise, other = _noise(source.torque), _noise(copy.torque)
+        share, shown = noise / _deviation(source.torque), other / _deviation(copy.torque)
+        if (share >= shown / 2).all() and any(_is_copy(source, noise, *part) for part in _parts(copy)):
             return True
     return False
+
+
+def _deviation(torque: Array) -> Array:
+    """Standard deviation of torques (S, J), (J,), not zero."""
+    return np.maximum(torque.std(0), _TINY)
 
 
 def _noise(torque: Array) -> Array:
@@ -117,15 +122,13 @@ def _is_copy(source: Digests, noise: Array, time: Array, torque: Array) -> bool:
         return float(squares / max(len(at) - 2 * len(edges), 1e-9) / max(passed * noise[j] ** 2, _TINY))
 
     places = [time[few, None] + offset + edges for offset in _places(source, time, torque)]
-    return bool(noisy) and any(all(left(j, at) < _COPY for j in noisy) for at in places)
+    return bool(noisy) and any(all(left(j, at) < thresholds.COPIED_NOISE for j in noisy) for at in places)
 
 
 def _places(source: Digests, time: Array, torque: Array) -> list[float]:
     """Offsets [s] to the times of a part (K,) at which its torques (K, J) are like the source's."""
-    size = np.maximum(source.torque.std(0), _TINY), np.maximum(torque.std(0), _TINY)
-    grids = (np.arange(t[0], t[-1], _COARSE) for t in (source.time, time))
-    signals = zip(grids, (source.time, time), (source.torque, torque), size)
-    whole, part = (_at(at, t, x / scale) for at, t, x, scale in signals)
+    whole = _coarse(source.time, source.torque)
+    part = _coarse(time, torque)
     if not 0 < len(part) <= len(whole):
         return []
     squares = np.convolve(np.square(whole).sum(1), np.ones(len(part)), "valid")
@@ -133,21 +136,23 @@ def _places(source: Digests, time: Array, torque: Array) -> list[float]:
     apart = squares - 2 * products + np.square(part).sum()
     near = round(_REACH / _COARSE)
     found: list[float] = []
-    while len(found) < _PLACES and apart[best := int(apart.argmin())] < _LIKE * part.size:
+    while len(found) < _PLACES and apart[best := int(apart.argmin())] < thresholds.LIKE_PART * part.size:
         found.append(float(source.time[0] - time[0]) + best * _COARSE)
         apart[max(0, best - near) : best + near] = np.inf
     return found
 
 
-def _at(at: Array, time: Array, x: Array) -> Array:
-    """Signals (S, C) at times (…), interpolated linearly, (…, C)."""
-    return np.stack([np.interp(at, time, y) for y in x.T], -1)
+def _coarse(time: Array, torque: Array) -> Array:
+    """Torques (S, J) of unit deviation on a coarse grid, (K, J)."""
+    at = np.arange(time[0], time[-1], _COARSE)
+    scaled = torque / _deviation(torque)
+    return np.stack([np.interp(at, time, x) for x in scaled.T], -1)
 
 
 def _stretch(common: Array, time: Array) -> str:
     """Start and end of the longest stretch of common rows, as text; empty if it may be a coincidence."""
-    begins, ends = stretches(common)
-    if not (ends - begins >= _STRETCH).any():
+    begins, ends = marked_ranges(common)
+    if not (ends - begins >= thresholds.SAME_ROWS).any():
         return ""
     longest = int(np.argmax(ends - begins))
     begin, end = time[[begins[longest], ends[longest] - 1]]

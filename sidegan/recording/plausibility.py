@@ -8,23 +8,14 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
-from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
-from sidegan.recording.refused import DEGREES, HARDLY
+from sidegan.recording import thresholds
+from sidegan.recording.recording import Recording, Segment
+from sidegan.recording.refusals import DEGREES
 from sidegan.recording.statistics import Statistics
+from sidegan.recording.thresholds import NEGLIGIBLE
 from sidegan.robot import Arm
 
 RATES = {"velocity": "position", "acceleration": "velocity"}  # a rate, and what it is the derivative of
-_LAG = 0.01  # [s] between a rate and the derivative, beyond which the rate is not used
-_MOVING = 10 * SIGN_WIDTH  # root mean square [rad/s] above which a rate is compared
-_WRONG = 1.1  # largest ratio of a rate and the derivative, either way
-_ALIKE = 0.5  # least correlation of a rate with the derivative
-_SAME = 0.95  # correlation above which a rate is another joint's
-_NEAR = 0.3  # tolerance of a ratio's logarithm
-_MOST_JITTER = 0.5
-_COARSE = 0.02  # quantum that is too coarse, as a share of the torque's range
-_NOTHING = 1e-12
-_LITTLE = 0.1  # share of its range below which a joint hardly moves
-_OUTSIDE = 1e-3  # [rad or m] tolerance of position limits
 
 
 def clock_warnings(statistics: Statistics) -> list[str]:
@@ -39,7 +30,7 @@ def clock_warnings(statistics: Statistics) -> list[str]:
         warnings.append(f"{counted(found, 'gap')} of up to {statistics.gap * 1e3:.3g} ms, interpolated")
     if found := statistics.duplicates:
         warnings.append(f"{counted(found, 'sample')} with a repeated time stamp, left out")
-    if statistics.jitter > _MOST_JITTER:
+    if statistics.jitter > thresholds.MOST_JITTER:
         warnings.append(f"the time between samples varies by {statistics.jitter:.0%}")
     if corrupt:
         first = "row {}: {}".format(*corrupt[0])
@@ -52,11 +43,12 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     position = statistics.signals["position"]
     span = position.upper - position.lower
     lower, upper = arm.position_lower, arm.position_upper
-    outside = (position.lower < lower - _OUTSIDE) | (position.upper > upper + _OUTSIDE)
-    little = span / np.maximum(upper - lower, _NOTHING) < _LITTLE
+    slack = thresholds.BEYOND_LIMITS
+    outside = (position.lower < lower - slack) | (position.upper > upper + slack)
+    little = span / np.maximum(upper - lower, NEGLIGIBLE) < thresholds.HARDLY_MOVED
     name = statistics.load
     load = statistics.signals[name]
-    coarse = load.quantum > _COARSE * (load.upper - load.lower)
+    coarse = load.quantum > thresholds.COARSE_TORQUE * (load.upper - load.lower)
     hardly = f"no joint by more than {span.max():.2g} rad or m, or a tenth of its range"
     found = [
         (position.constant, "{} never moved"),
@@ -88,7 +80,7 @@ def twice_warnings(recording: Recording) -> list[str]:
     found = []
     for name in ("position", recording.load):
         x = recording.signals()[name]
-        for j, k in combinations(np.flatnonzero(np.ptp(x, 0) > HARDLY).tolist(), 2):
+        for j, k in combinations(np.flatnonzero(np.ptp(x, 0) > thresholds.MOVED).tolist(), 2):
             if np.array_equal(x[:, j], x[:, k]):
                 joints = " and ".join(recording.joint_names[i] for i in (j, k))
                 found.append(
@@ -103,32 +95,34 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
 
     Noise only lowers the slope, of the rate over the derivative or its inverse, so high slopes are errors.
     """
-    signals = [getattr(segment, RATES[rate]) for segment in segments]
-    steps = [segment.time[1] - segment.time[0] for segment in segments]
-    derived = np.concatenate([(x[2:] - x[:-2]) / (2 * step) for x, step in zip(signals, steps)])
+    derivatives = [_derivative(segment, getattr(segment, RATES[rate])) for segment in segments]
+    derived = np.concatenate([x[1:-1] for x in derivatives])
     recorded = np.concatenate([getattr(segment, rate)[1:-1] for segment in segments])
     products = derived.T @ recorded  # (J, J): derived, recorded
     own = np.square(derived).sum(0)
     other = np.square(recorded).sum(0)
-    moving = np.sqrt(np.maximum(own, other) / len(derived)) > _MOVING
-    slope = products.diagonal() / np.maximum(own, _NOTHING)
-    inverse = products.diagonal() / np.maximum(other, _NOTHING)
-    correlation = products / np.maximum(np.sqrt(own[:, None] * other), _NOTHING)
+    moving = np.sqrt(np.maximum(own, other) / len(derived)) > thresholds.LEAST_RATE
+    slope = products.diagonal() / np.maximum(own, NEGLIGIBLE)
+    inverse = products.diagonal() / np.maximum(other, NEGLIGIBLE)
+    correlation = products / np.maximum(np.sqrt(own[:, None] * other), NEGLIGIBLE)
     alike = correlation.diagonal()
     for j in np.flatnonzero(moving).tolist():
         ratio = abs(slope[j])
-        if abs(abs(math.log(max(ratio, _NOTHING))) - math.log(DEGREES)) < _NEAR and abs(alike[j]) > _ALIKE:
+        off = abs(abs(math.log(max(ratio, NEGLIGIBLE))) - math.log(DEGREES))
+        if off < thresholds.DEGREES_RATIO and abs(alike[j]) > thresholds.RATE_CORRELATION:
             raise RecordingError(
                 f"{file}: the {rate} of {arm.joint_names[j]} is {ratio:.3g} times the derivative of its "
                 f"{RATES[rate]}: one is in degrees and the other in radians"
             )
-    wrong = moving & ((alike < _ALIKE) | (slope > _WRONG) | (inverse > _WRONG))
+    steep = np.maximum(slope, inverse) > thresholds.RATE_RATIO
+    wrong = moving & (steep | (alike < thresholds.RATE_CORRELATION))
     if not wrong.any():
-        return _late(rate, signals, segments)
+        return _late(rate, derivatives, segments)
     ratios = []
     for j in np.flatnonzero(wrong).tolist():
         k = int(correlation[:, j].argmax())
-        others = f": it is that of {arm.joint_names[k]}" if k != j and correlation[k, j] > _SAME else ""
+        swapped = k != j and correlation[k, j] > thresholds.OTHER_RATE
+        others = f": it is that of {arm.joint_names[k]}" if swapped else ""
         ratios.append(f"{slope[j]:.2f} ({arm.joint_names[j]}{others})")
     return (
         f"the {rate} is {', '.join(ratios)} times the derivative of the {RATES[rate]}, so it is derived "
@@ -136,20 +130,23 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     )
 
 
-def _late(rate: str, signals: list[Array], segments: list[Segment]) -> str | None:
+def _derivative(segment: Segment, x: Array) -> Array:
+    """Time derivative of a segment's signal, (S, J)."""
+    return np.asarray(np.gradient(x, segment.time[1] - segment.time[0], axis=0))
+
+
+def _late(rate: str, derivatives: list[Array], segments: list[Segment]) -> str | None:
     """Warning about a rate that is later or earlier than the derivative of its signal; None if it is not.
 
     To first order, r(t) = ṡ(t − L) is ṡ − L s̈.
     """
     moved = changed = 0.0
-    for x, segment in zip(signals, segments):
-        step = segment.time[1] - segment.time[0]
-        derived = np.gradient(x, step, axis=0)
-        further = np.gradient(derived, step, axis=0)
+    for derived, segment in zip(derivatives, segments):
+        further = _derivative(segment, derived)
         moved += float(((derived - getattr(segment, rate)) * further).sum())
         changed += float(np.square(further).sum())
-    lag = moved / max(changed, _NOTHING)
-    if abs(lag) < _LAG:
+    lag = moved / max(changed, NEGLIGIBLE)
+    if abs(lag) < thresholds.RATE_LAG:
         return None
     when = "later" if lag > 0 else "earlier"
     return (

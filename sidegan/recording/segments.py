@@ -8,7 +8,8 @@ from scipy.ndimage import maximum_filter1d, shift
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
-from sidegan.recording.grid import Grid, Run, derivative, low_pass, runs, stretches
+from sidegan.recording import thresholds
+from sidegan.recording.grid import Grid, Stretch, continuous_stretches, derivative, low_pass, marked_ranges
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.statistics import HEADROOM, Statistics, statistics_of
@@ -18,7 +19,6 @@ _AT_ONCE = 50_000  # grid points filtered at once
 _FORGOTTEN = 20.0  # cut-off periods after which the filter's response is below 1e-12
 _PAUSE = 0.1  # [s] around a motion in which samples are kept
 _LEAST_POINTS = 8  # of a segment
-_LEAST_PERIODS = 4.0  # of the cut-off in a recording, the length of the filter's edges
 
 
 def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | None = None) -> Grid:
@@ -27,7 +27,7 @@ def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | 
     if not bandwidth:
         raise RecordingError(f"{statistics.name}: no joint moves")
     cutoff = min(settings.cutoff or HEADROOM * bandwidth, 0.5 / statistics.step)
-    slowest = _LEAST_PERIODS / statistics.duration
+    slowest = thresholds.LEAST_PERIODS / statistics.duration
     if cutoff <= slowest:
         raise RecordingError(
             f"{statistics.name}: the cut-off is {cutoff:g} Hz, expected more than {slowest:.3g} Hz: the "
@@ -63,15 +63,15 @@ def preprocess(
     signals, factors = _signals(recording, gains, settings)
     edge = round(max(2 / grid.cutoff, abs(delay)) / grid.step)  # points distorted at the ends
     segments: list[Segment] = []
-    for run in runs(recording.time, grid.step, grid.gap):
+    for stretch in continuous_stretches(recording.time, grid.step, grid.gap):
         pieces = [
-            _thinned(run, signals, factors, grid, span, sign_width, settings.still, delay)
-            for span in _spans(run.points, grid, delay)
+            _thinned(stretch, signals, factors, grid, span, sign_width, settings.still, delay)
+            for span in _spans(stretch.points, grid, delay)
         ]
         kept, moving, *states = (np.concatenate(x) for x in zip(*pieces))
-        moving &= (kept >= edge) & (kept < run.points - edge)
-        times = run.time[0] + kept * grid.step
-        for begin, end in zip(*stretches(moving)):
+        moving &= (kept >= edge) & (kept < stretch.points - edge)
+        times = stretch.time[0] + kept * grid.step
+        for begin, end in zip(*marked_ranges(moving)):
             if end - begin >= _LEAST_POINTS:
                 segments.append(Segment(*(np.ascontiguousarray(x[begin:end]) for x in (times, *states))))
     if not segments:
@@ -82,7 +82,7 @@ def preprocess(
 
 
 def _spans(points: int, grid: Grid, delay: float) -> Iterator[tuple[int, int, int, int]]:
-    """Pieces of a run: first point with the filter's margin, first and last point, last with margin."""
+    """Pieces of a stretch: first point with the filter's margin, first and last point, last with margin."""
     margin = round((max(_FORGOTTEN / grid.cutoff, 2 * _PAUSE) + abs(delay)) / grid.step)
     size = max(_AT_ONCE, 4 * margin)
     for begin in range(0, points, size):
@@ -91,7 +91,7 @@ def _spans(points: int, grid: Grid, delay: float) -> Iterator[tuple[int, int, in
 
 
 def _thinned(
-    run: Run,
+    stretch: Stretch,
     signals: Mapping[str, Array],
     factors: Array,
     grid: Grid,
@@ -102,7 +102,7 @@ def _thinned(
 ) -> tuple[Array, ...]:
     """A piece's kept points, (K,), whether they are near a motion, (K,), and states, (K, J) each."""
     first, begin, end, last = span
-    x = low_pass(run.at([*signals.values()], first, last), grid.cutoff, grid.step)
+    x = low_pass(stretch.at([*signals.values()], first, last), grid.cutoff, grid.step)
     smooth = dict(zip(signals, np.split(x, len(signals), 1)))
     torque = smooth["torque"] @ factors.T
     if delay:

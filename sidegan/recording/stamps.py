@@ -8,12 +8,11 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.arrays import Array
-from sidegan.recording.statistics import SLOWEST
+from sidegan.recording import thresholds
 from sidegan.recording.tables import Table
 from sidegan.recording.units import SECONDS, Units
 
 _EPOCH = pd.Timestamp("1970-01-01", tz="UTC")
-_SINCE_1970 = 9.4e8, 4.1e9  # [s] plausible range of such clocks: 2000 to 2100
 _OF_TEXT: tuple[Callable[[Any], Any], ...] = (
     lambda texts: pd.to_datetime(texts, utc=True, errors="coerce", format="ISO8601") - _EPOCH,
     lambda texts: pd.to_timedelta(texts, errors="coerce"),  # since midnight
@@ -21,7 +20,6 @@ _OF_TEXT: tuple[Callable[[Any], Any], ...] = (
     lambda texts: pd.to_datetime(texts, utc=True, errors="coerce") - _EPOCH,
 )
 _LONG = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
-_DATES = 0.5  # least share of dates among the texts of a column of dates
 
 
 def stamps_in_si(
@@ -47,7 +45,7 @@ def stamps_in_si(
     return (stamps * factor).reshape(len(stamps), -1), [unit], remarks
 
 
-def dated(table: Table) -> list[str]:
+def date_columns(table: Table) -> list[str]:
     """Columns whose first element is a date."""
     return [name for name, x in table.columns.items() if np.ndim(x) == 1 and _dates(x[:1]) is not None]
 
@@ -64,13 +62,13 @@ def _dates(values: Any) -> Array | None:
         found = series
     elif (
         isinstance(next(iter(series), None), str)
-        and pd.to_numeric(series, errors="coerce").isna().mean() > _DATES
+        and pd.to_numeric(series, errors="coerce").isna().mean() > thresholds.MOST_DATES
     ):
         texts = series.astype(str).str.replace(",", ".")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that the format has to be guessed
             each = (read(texts) for read in _OF_TEXT)
-            found = next((times for times in each if times.notna().mean() > _DATES), None)
+            found = next((times for times in each if times.notna().mean() > thresholds.MOST_DATES), None)
     return None if found is None else found.dt.total_seconds().to_numpy(np.float64)
 
 
@@ -81,8 +79,9 @@ def _since_1970(stamps: Array) -> str:
     if not len(forward):
         return ""
     usual, step = float(np.nanmedian(stamps)), float(np.median(forward))
+    earliest, latest = thresholds.SINCE_1970
     for unit in _LONG:
         factor = SECONDS[unit]
-        if _SINCE_1970[0] < usual * factor < _SINCE_1970[1] and step * factor < SLOWEST:
+        if earliest < usual * factor < latest and step * factor < thresholds.LONGEST_STEP:
             return unit
     return ""

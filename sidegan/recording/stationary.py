@@ -6,16 +6,17 @@ from dataclasses import replace
 import numpy as np
 
 from sidegan.errors import RecordingError
+from sidegan.recording import thresholds
 from sidegan.recording.load import load_recording
 from sidegan.recording.recording import Recording
-from sidegan.recording.refused import HARDLY, without_torque
+from sidegan.recording.refusals import without_torque
 from sidegan.recording.settings import Recorded, RecordingSettings
 from sidegan.robot import Arm
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 
 
-def chain_of(arm: Arm) -> tuple[str, ...]:
+def chain_names(arm: Arm) -> tuple[str, ...]:
     """Names of an arm's joints and of locked ones between them, from the base outwards."""
     if not arm.setup.locked:
         return arm.joint_names
@@ -29,7 +30,7 @@ def chain_of(arm: Arm) -> tuple[str, ...]:
 def load_for(arm: Arm, files: Recorded, settings: RecordingSettings) -> Recording:
     """A recording of an arm; see ``load_recording``."""
     sliding = [name for name, slides in zip(arm.joint_names, arm.prismatic.tolist()) if slides]
-    return load_recording(files, settings, arm.joint_names, chain_of(arm), sliding)
+    return load_recording(files, settings, arm.joint_names, chain_names(arm), sliding)
 
 
 def refuse_elsewhere(arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettings) -> None:
@@ -40,7 +41,7 @@ def refuse_elsewhere(arm: Arm, recordings: Iterable[Recorded], settings: Recordi
     Raises:
         RecordingError: with the place of the joint.
     """
-    chain = chain_of(arm)
+    chain = chain_names(arm)
     locked = {k: name for k, name in enumerate(chain) if name not in (*arm.joint_names, *settings.without)}
     if not locked:
         return
@@ -52,7 +53,7 @@ def refuse_elsewhere(arm: Arm, recordings: Iterable[Recorded], settings: Recordi
             continue
         for place, name in locked.items():
             q, at = recording.position[:, place], (arm.setup.locked or {})[name]
-            if max(abs(q - at)) > HARDLY:
+            if max(abs(q - at)) > thresholds.MOVED:
                 raise RecordingError(
                     f"{recording.name}: {name} is locked at {at:.4g} (robot.locked), but recorded from "
                     f"{q.min():.4g} to {q.max():.4g} rad or m: lock it where it stood, or leave it unlocked"
@@ -78,7 +79,7 @@ def stationary_positions(
         lower = np.minimum(lower, position.min(0))
         upper = np.maximum(upper, position.max(0))
         for name, low, high in zip(settings.without, lower.tolist(), upper.tolist()):
-            if high - low > HARDLY:
+            if high - low > thresholds.MOVED:
                 raise RecordingError(
                     f"{recording.name}: {name} is left out (recording.without), but moves from {low:.4g} to "
                     f"{high:.4g} rad or m, and a joint without torque must stay at one position in all "

@@ -1,4 +1,4 @@
-"""Statistics of a raw recording: clock, bandwidth of the motion, signals, frozen torques."""
+"""Statistics of a raw recording: bandwidth of the motion, signals, frozen torques."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -8,27 +8,18 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
-from sidegan.recording.grid import held, stretches
+from sidegan.recording import thresholds
+from sidegan.recording.clock import Clock, clock_of
+from sidegan.recording.grid import constant_ranges, marked_ranges
 from sidegan.recording.overlap import Digests, digests_of
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
 
-SLOWEST = 0.5  # [s] longest plausible time between samples
 HEADROOM = 12.0  # ratio of the low-pass's cut-off to the motion's bandwidth
-_BRIDGED = 0.25  # cut-off periods that are interpolated over
-_GAP_STEPS = 5.0  # sampling steps that are interpolated over
-_LEAST_SAMPLES = 10
-_RARE = 0.01  # share of backward steps below which they are restarts of a clock
-_LEADING = 0.0999999  # fraction of a second below which it has a leading zero
 _HEAD = 120.0  # [s] at the start of the motion from which the bandwidth is measured
 _HEAD_RATE = 50.0  # [Hz] sampling rate of that part
-_LEAST_HEAD = 16  # samples of that part
 _MOVED = 0.005  # [rad or m] from its initial position beyond which the arm moves
 _ENERGY = 0.98  # share of the motion's energy below its bandwidth
-_CLIPPED = 5  # mean runs of equal samples at an extreme that mean saturation
-_NEXT = 0.2  # of such a run: longest time one quantum from the extreme, just before and after it
-_STUCK = 0.3  # share of its range through which a joint moves while its frozen torque is constant
-_LEAST_STUCK = 20  # samples of a frozen torque; fewer are coarse quantisation
 
 
 class Signal(NamedTuple):
@@ -48,19 +39,6 @@ class Signal(NamedTuple):
     def constant(self) -> Array:
         """Whether all samples have the same value, (J,)."""
         return self.lower == self.upper
-
-
-@dataclass(frozen=True, kw_only=True)
-class Clock:
-    """Time stamps of a recording."""
-
-    duration: float  # from first to last sample [s]
-    step: float  # mean time between samples, without gaps [s]
-    jitter: float  # standard deviation of that time, relative to its mean
-    duplicates: int  # rows with the previous row's time stamp
-    gaps: tuple[tuple[float, float], ...]  # start and length of each gap [s]
-    gap: float  # time between samples above which it is a gap [s]
-    bridged: int = 0  # shorter breaks, over five steps long, that are interpolated over
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,13 +63,14 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
     name = recording.name
     samples = len(recording)
     time = recording.time
-    if samples < _LEAST_SAMPLES:
-        raise RecordingError(f"{name} has {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
+    if samples < thresholds.LEAST_SAMPLES:
+        least = thresholds.LEAST_SAMPLES
+        raise RecordingError(f"{name} has {counted(samples, 'sample')}, expected {least} or more")
     clock = clock_of(name, time, settings.gap)
-    slow = clock.step > SLOWEST
+    slow = clock.step > thresholds.LONGEST_STEP
     bandwidth = 0.0 if slow else bandwidth_of(name, time, recording.position, clock.step)
     if settings.gap is None and bandwidth:
-        limit = max(clock.gap, _BRIDGED / (settings.cutoff or HEADROOM * bandwidth))
+        limit = max(clock.gap, thresholds.GAP_PERIODS / (settings.cutoff or HEADROOM * bandwidth))
         long = tuple(gap for gap in clock.gaps if gap[1] > limit)
         clock = replace(clock, gap=limit, gaps=long, bridged=len(clock.gaps) - len(long))
     return Statistics(
@@ -107,54 +86,6 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
     )
 
 
-def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
-    """Clock of time stamps [s], (S,); ``name`` is for messages."""
-    steps = np.diff(time)
-    if (steps < 0).any():
-        _refuse_unpadded(name, time)
-        row = int(np.argmax(steps < 0))
-        # after a restart, the rows that follow are in order, and all of them early
-        follow = time[row + 1 : row + 1 + _LEAST_SAMPLES]
-        restarts = (np.diff(follow) >= 0).all() and (follow < time[row]).all() and (steps < 0).mean() < _RARE
-        remedy = "the clock restarts, so split the file there" if restarts else "sort its rows by time"
-        raise RecordingError(
-            f"{name}: time runs backwards, from {time[row]:.6g} s to {time[row + 1]:.6g} s, "
-            f"after sample {row + 1}: {remedy}"
-        )
-    forward = steps[steps > 0]
-    if not len(forward):
-        raise RecordingError(f"{name}: all samples have the same time stamp, {time[0]:.6g} s")
-    limit = gap or _GAP_STEPS * float(np.median(forward))
-    regular = forward[forward <= limit]
-    if not len(regular):
-        raise RecordingError(f"{name}: all samples are further apart than the longest gap, {limit:g} s")
-    step = float(regular.mean())
-    return Clock(
-        duration=float(time[-1] - time[0]),
-        step=step,
-        jitter=float(regular.std()) / step,
-        duplicates=int((steps == 0).sum()),
-        gaps=tuple((float(time[i]), float(steps[i])) for i in np.flatnonzero(steps > limit)),
-        gap=limit,
-    )
-
-
-def _refuse_unpadded(name: str, time: Array) -> None:
-    """Refuse stamps (S,) whose fractions lack leading zeros: .8, .9 and then .10, within the same second."""
-    whole = np.floor(time)
-    back = np.flatnonzero(np.diff(time) < 0)
-    part = time - whole
-    unpadded = (part == 0) | (part > _LEADING)
-    more_digits = part[back + 1] < 2 * _LEADING  # most begin with 1: 100 follows 99
-    if len(back) > 1 and (np.diff(whole) >= 0).all() and unpadded.all() and 2 * more_digits.sum() > len(back):
-        k = int(back[0])
-        raise RecordingError(
-            f"{name}: {time[k]:.12g} s comes before {time[k + 1]:.12g} s, and so on {len(back)} times: were "
-            "nanoseconds put behind the point of seconds without their leading zeros? write them in a column "
-            "of their own, or with nine digits"
-        )
-
-
 def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
     """Frequency [Hz] below which nearly all energy of the joints' velocities lies; 0 if nothing moves.
 
@@ -167,7 +98,7 @@ def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
     start = int(np.concatenate(moved).min())
     rate = min(_HEAD_RATE, 1 / step)
     grid = np.arange(time[start], min(time[-1], time[start] + _HEAD), 1 / rate)
-    if len(grid) < _LEAST_HEAD:
+    if len(grid) < thresholds.LEAST_MOTION:
         raise RecordingError(f"{name} moves for {time[-1] - time[start]:.3g} s, too short to identify from")
     head = slice(start, np.searchsorted(time, grid[-1], "right") + 1)
     keep = np.append(True, np.diff(time[head]) > 0)
@@ -194,7 +125,7 @@ def _signal(x: Array) -> Signal:
         quantum = steps.min(where=steps > 0, initial=np.inf)
         clipped = max(_longest_at(column, end, quantum) for end in (lower, upper)) if upper > lower else 0
         mean = len(column) / (1 + np.count_nonzero(steps))  # run of equal samples: held or quantised signals
-        clipped = clipped if clipped >= _CLIPPED * mean else 0.0
+        clipped = clipped if clipped >= thresholds.SATURATED * mean else 0.0
         found.append((lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped))
     return Signal(*np.array(found).T)
 
@@ -204,11 +135,11 @@ def _longest_at(x: Array, extreme: float, quantum: float) -> float:
 
     That is the peak of a coarsely quantised signal: it spends 0.4 times as long at the next value, or more.
     """
-    begins, ends = stretches(x == extreme)
-    first, last = stretches(np.abs(x - extreme) < 1.5 * quantum)
+    begins, ends = marked_ranges(x == extreme)
+    first, last = marked_ranges(np.abs(x - extreme) < 1.5 * quantum)
     around = np.searchsorted(first, begins, "right") - 1
     longer = (last - first)[around] - (ends - begins)
-    return float((ends - begins).max(where=longer <= _NEXT * (ends - begins), initial=0))
+    return float((ends - begins).max(where=longer <= thresholds.PEAK * (ends - begins), initial=0))
 
 
 def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
@@ -217,10 +148,10 @@ def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
     time = recording.time
     load = recording.signals()[recording.load]
     for j, (q, x) in enumerate(zip(recording.position.T, load.T)):
-        begins, ends = held(x[:, None])
+        begins, ends = constant_ranges(x[:, None])
         travel = np.maximum.reduceat(q, begins) - np.minimum.reduceat(q, begins)
-        travel[ends - begins + 1 < _LEAST_STUCK] = 0.0
+        travel[ends - begins + 1 < thresholds.FROZEN_SAMPLES] = 0.0
         widest = int(travel.argmax())
-        if travel[widest] > _STUCK * np.ptp(q):
+        if travel[widest] > thresholds.FROZEN * np.ptp(q):
             found.append((j, float(time[begins[widest]]), float(time[ends[widest]])))
     return tuple(found)

@@ -1,4 +1,4 @@
-"""Tables of columns, read from Parquet, JSON, NPZ, HDF5 and MATLAB files, and from LeRobot datasets."""
+"""Tables of columns, read from Parquet, JSON, NPZ, HDF5 and MATLAB files."""
 
 import json
 import re
@@ -14,18 +14,14 @@ import pandas as pd
 
 from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
-from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
+from sidegan.recording import thresholds
 from sidegan.recording.column_names import stamps_of
 
-Where = dict[str, list[str]]  # columns of time and each signal; a single column may hold all joints
+SignalColumns = dict[str, list[str]]  # columns of time and each signal; a single column may hold all joints
 _NAMES = re.compile(r"(.*[._])?(joint_?)?names?", re.IGNORECASE)  # columns that may list joints
-_INFO, _FRAMES = "meta/info.json", "data/chunk-*/*.parquet"  # of LeRobot datasets, versions 2 and 3
-_TIME, _EPISODE = "timestamp", "episode_index"
-_PAUSE = 10.0  # [s] inserted between episodes, whose clocks start at zero
-_APART = 10_000  # steps, the same where the unit of time is not known: seconds to minutes at usual rates
+_APART = 10_000  # steps between episodes, whose unit of time is not known: seconds to minutes at usual rates
 _GROUP = re.compile(r"(?:^|(?:demo|episode|traj|trajectory|rollout|trial|run)_?)(\d+)\.")  # of an episode
-_WIDEST = 50  # columns of a stack of joints' signals; wider ones are images
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +204,8 @@ def _of_arrays(arrays: Mapping[str, Any]) -> Table:
     for name, x in arrays.items():
         if number := _GROUP.search(name):
             groups.setdefault(number[1], {})[_GROUP.sub("", name, 1)] = x
-    leads = Counter(x.shape[:2] for x in arrays.values() if x.ndim == 3 and x.shape[2] <= _WIDEST)
+    stacks = [x.shape for x in arrays.values() if x.ndim == 3]
+    leads = Counter(shape[:2] for shape in stacks if shape[2] <= thresholds.WIDEST_STACK)
     ((lead, several),) = leads.most_common(1) or [((0, 0), 0)]
     if groups:
         return _episodes([groups[key] for key in sorted(groups, key=int)])
@@ -236,55 +233,3 @@ def _episodes(episodes: Sequence[Mapping[str, Any]]) -> Table:
         columns[name] = time[0] + np.cumsum(steps)
     rows = [part.rows + k * _APART + at for (k, part), at in zip(enumerate(parts), (0, *first))]
     return Table(columns, np.concatenate(rows))
-
-
-def is_dataset(path: Path) -> bool:
-    """Whether a path is a LeRobot dataset's folder."""
-    return (path / _INFO).is_file()
-
-
-def dataset_files(path: Path) -> list[Path]:
-    """A LeRobot dataset's description, and its files of frames in the order of episodes."""
-    frames = sorted(path.glob(_FRAMES))
-    if not frames:
-        raise RecordingError(f"{path} is a LeRobot dataset without frames, expected {_FRAMES}")
-    return [path / _INFO, *frames]
-
-
-def dataset_table(path: Path) -> Table:
-    """The frames of a LeRobot dataset, with all episodes on one clock.
-
-    A vector with named elements becomes a column per element: ``observation.state.shoulder.pos``.
-    """
-    info, *files = dataset_files(path)
-    with reading(info, "JSON", RecordingError):
-        features = json.loads(info.read_text("utf-8")).get("features", {})
-        named = {feature: _names(about) for feature, about in features.items()}
-    parts = []
-    for file in files:
-        with reading(file, "Parquet", RecordingError):
-            parts.append(pd.DataFrame({**parquet_table(file).columns}))
-    frames = pd.concat(parts, ignore_index=True)
-    if missing := [name for name in (_TIME, _EPISODE) if name not in frames]:
-        raise RecordingError(
-            f"{files[0]} has no column {', '.join(missing)}: is it part of a LeRobot dataset?"
-        )
-    steps = frames[_TIME].astype(np.float64).diff().fillna(0.0)
-    frames[_TIME] = steps.mask(frames[_EPISODE].diff().fillna(0) != 0, _PAUSE).cumsum()
-    columns: dict[str, Any] = {}
-    for column, values in frames.items():
-        if names := named.get(str(column)):
-            columns |= {f"{column}.{name}": x for name, x in zip(names, np.stack([*values]).T)}
-        else:
-            columns[str(column)] = values
-    return Table(columns, np.arange(len(frames)) + 1)
-
-
-def _names(about: Any) -> list[str]:
-    """Unique names of a vector's elements; empty if it has none."""
-    names = about.get("names")
-    if isinstance(names, dict) and len(names) == 1:  # under their kind, such as motors
-        (names,) = names.values()
-    if not isinstance(names, list) or len(names) < 2 or [len(names)] != list(about.get("shape", [])):
-        return []  # a feature of one number is not a vector in the file
-    return [str(name) for name in names] if len(set(names)) == len(names) else []

@@ -1,7 +1,6 @@
 """Text files with a header line of column names, in common encodings and with common separators."""
 
 import csv
-import io
 import re
 import warnings
 from collections.abc import Sequence
@@ -89,7 +88,7 @@ def _encoding_of(path: Path) -> str:
     if sample.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     try:  # up to the last line break, so that no character is cut in two
-        io.TextIOWrapper(io.BytesIO(sample.rpartition(b"\n")[0] or sample), "utf-8").read()
+        (sample.rpartition(b"\n")[0] or sample).decode("utf-8")
     except UnicodeDecodeError:
         return "cp1252"
     return "utf-8-sig"

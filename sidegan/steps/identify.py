@@ -19,9 +19,10 @@ from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.identification import EstimationSettings, Terms
 from sidegan.identification.identified import IdentifiedArm
 from sidegan.identification.workflow import identify_arm
-from sidegan.recording.check import CheckedRecording, Role, read_and_check, split
+from sidegan.recording.checked import CheckedRecording, Role, hold_out
 from sidegan.recording.column_names import stamps_of
 from sidegan.recording.overlap import refuse_shared
+from sidegan.recording.read import read_and_check
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.recording.stationary import refuse_elsewhere, stationary_positions
 from sidegan.report.identification import Origin, write_results
@@ -196,7 +197,7 @@ def check_recordings(
     refuse_shared([(checked.name, checked.statistics.rows) for checked in found])
     training, validated = found[: len(first)], found[len(first) :]
     if share is not None:
-        training, validated = map(list, zip(*(split(checked, share) for checked in training)))
+        training, validated = map(list, zip(*(hold_out(checked, share) for checked in training)))
     given: dict[str, Any] = {"recordings": first, "validation": held_out or share}
     given |= {} if gains is None else {"robot.gains": np.asarray(gains, float).tolist()}
     identification, excitation = _commands(cell, arm, given)

@@ -29,7 +29,8 @@ from sidegan.identification.workflow import identify_arm
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
-from sidegan.recording.check import read_and_check, split
+from sidegan.recording.checked import hold_out
+from sidegan.recording.read import read_and_check
 from sidegan.recording.settings import RecordingSettings
 from sidegan.report.identification.results import verdict
 from sidegan.robot import load_robot
@@ -159,7 +160,7 @@ def identified(name: str) -> dict[str, Any]:
     more = arm, build(RecordingSettings, recording), gains, model.sign_width
     (training,) = read_and_check([(str(DATA / first), "training")], *more)
     if other is None:
-        training, held_out = split(training, 0.3)
+        training, held_out = hold_out(training, 0.3)
     else:
         (held_out,) = read_and_check([(str(DATA / other), "validation")], *more)
     plain = replace(model, effects="none")  # which thresholds decide

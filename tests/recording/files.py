@@ -5,6 +5,10 @@ import pandas as pd
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from sidegan.recording.load import load_recording
+from tests.recording.conftest import of_file
+
+JOINTS = "shoulder", "elbow"
 LETTERS = {"position": "q", "velocity": "qd", "acceleration": "qdd", "torque": "tau", "current": "i"}
 
 
@@ -13,6 +17,33 @@ def frame(recording):
     for name, x in recording.signals().items():
         columns |= {f"{LETTERS[name]}{j + 1}": x[:, j] for j in range(x.shape[1])}
     return pd.DataFrame(columns)
+
+
+def table(recording, **columns):
+    """Time, positions and torques of a recording; columns may be changed, added, or, as None, left out."""
+    changed = {**frame(recording)[["t", "q1", "q2", "tau1", "tau2"]], **columns}
+    return pd.DataFrame({name: x for name, x in changed.items() if x is not None})
+
+
+def columns_of(pattern):
+    return [pattern.format(i=k, n=k + 1, j=joint) for k, joint in enumerate(JOINTS)]
+
+
+def named(recording, time="t", q="q{n}", tau="tau{n}", **more):
+    """The table under other names, and with more columns."""
+    return table(recording).set_axis([time, *columns_of(q), *columns_of(tau)], axis=1).assign(**more)
+
+
+def read(folder, table, joints=JOINTS, sliding=(), **changes):
+    """A table as it is read from a file."""
+    table.to_csv(folder / "a.csv", index=False)
+    return load_recording(folder / "a.csv", of_file(**changes), joints, sliding=sliding)
+
+
+def assert_same(found, made, signals=("position", "torque"), start=0, late=2e-6):
+    np.testing.assert_allclose(found.time, made.time + start, atol=late, rtol=0)
+    for name in signals:
+        np.testing.assert_allclose(found.signals()[name], made.signals()[name], atol=1e-9, rtol=0)
 
 
 def written(change=lambda table: table, **options):

@@ -12,9 +12,10 @@ from sidegan.errors import RecordingError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
 from sidegan.recording.check import check_recording
-from sidegan.recording.commanded import averaged, load_commanded
+from sidegan.recording.commanded import average_repetitions, load_commanded
 from sidegan.recording.recording import Recording
 from tests.recording.conftest import of_file
+from tests.refusals import refused
 
 FAMILY = Trajectory(2, harmonics=4, period=8.0)
 NOISE, RATE = 0.2, 200.0
@@ -61,7 +62,7 @@ def logged(planar, true, order, delay=0.0, gap=None):
 
 def test_repetitions_are_found_and_averaged(planar, true, sent):
     recording, begins = logged(planar, true, (0, 1, 0, 2, 1, 0))
-    parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names, np.eye(2)), 0.1)
+    parts, repeated = average_repetitions(recording, load_commanded(sent, planar.joint_names, np.eye(2)), 0.1)
     assert repeated.counts == {"1": 3, "2": 2, "3": 1}
     found = [float(part.time[0]) for part in parts]
     assert found == pytest.approx([begins[k] for k in (0, 1, 3)], abs=0.05)  # servos are late by some ms
@@ -74,7 +75,7 @@ def test_repetitions_are_found_and_averaged(planar, true, sent):
 
 def test_a_repetition_with_a_gap_is_not_counted(planar, true, sent):
     recording, begins = logged(planar, true, (0, 1, 0), gap=PAUSE + 4)
-    parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names, np.eye(2)), 0.1)
+    parts, repeated = average_repetitions(recording, load_commanded(sent, planar.joint_names, np.eye(2)), 0.1)
     assert repeated.counts == {"1": 1, "2": 1} and repeated.noise is None
     assert float(parts[-1].time[0]) == pytest.approx(begins[2], abs=0.05)
 
@@ -102,28 +103,20 @@ def test_the_only_run_in_a_folder_is_used_and_of_several_none(planar, sent, tmp_
         found.position, load_commanded(sent, planar.joint_names, np.eye(2))[1].position
     )
     shutil.copytree(first, second)
-    with pytest.raises(RecordingError, match="2 runs of excite") as refused:
+    ways = f"recording.sent='{tmp_path / 'a day'}'", f"recording.sent={tmp_path / 'another'}"
+    with refused(RecordingError, "2 runs", *ways):
         load_commanded(tmp_path, planar.joint_names, np.eye(2))
-    assert f"recording.sent='{tmp_path / 'a day'}'\n  recording.sent={tmp_path / 'another'}" in str(
-        refused.value
-    )
 
 
 def test_missing_or_foreign_commands_are_refused(planar, true, sent, tmp_path):
     recording, _ = logged(planar, true, (0, 1))
-    names = planar.joint_names
-    trajectories = load_commanded(sent, names, np.eye(2))
+    trajectories = load_commanded(sent, planar.joint_names, np.eye(2))
     slow = [replace(trajectory, time=2 * trajectory.time) for trajectory in trajectories]
+    for commands in (trajectories[2:], slow):
+        with refused(RecordingError, "log", "recording.sent"):
+            average_repetitions(recording, commands, 0.1)
     (tmp_path / "nothing").mkdir()
     (tmp_path / "1.csv").write_text("time,q_elbow\n0.0,0.0\n1.0,1.0\n")
-    for words, use in (
-        ("contains none of the commanded trajectories", lambda: averaged(recording, trajectories[2:], 0.1)),
-        ("executed at another speed", lambda: averaged(recording, slow, 0.1)),
-        (
-            "expected a table written by excite",
-            lambda: load_commanded(tmp_path / "nothing", names, np.eye(2)),
-        ),
-        ("has no column q_shoulder: is it", lambda: load_commanded(tmp_path / "1.csv", names, np.eye(2))),
-    ):
-        with pytest.raises(RecordingError, match=words):
-            use()
+    for path, about in ((tmp_path / "nothing", "recording.sent"), (tmp_path / "1.csv", "q_shoulder")):
+        with refused(RecordingError, str(path), about):
+            load_commanded(path, planar.joint_names, np.eye(2))

@@ -13,6 +13,7 @@ from sidegan.recording.load import load_recording
 from sidegan.recording.segments import torque_of
 from tests.recording.conftest import of_file, recorded
 from tests.recording.files import write_parquet
+from tests.refusals import refused
 
 JOINTS = "1", "2"
 COUNTED = np.array([[1.0, 0.0], [-1.0, 1.0]])  # the second angle counts from the horizontal
@@ -23,36 +24,32 @@ def rows(matrix):
     return {joint: dict(zip(JOINTS, row)) for joint, row in zip(JOINTS, np.asarray(matrix).tolist())}
 
 
-def seen(made, matrix, torque=None):
-    """The recording as motors see it of which the matrix makes the joints; torques by virtual work."""
-    motion = {name: getattr(made, name) @ np.linalg.inv(matrix).T for name in ("position", "velocity")}
-    effort = matrix if torque is None else np.linalg.inv(torque).T
-    return replace(made, joint_names=JOINTS, torque=made.torque @ effort, **motion)
+def couple(made, motion, torque):
+    """The recording in coordinates of which these matrices make those of the joints."""
+    back = np.linalg.inv(motion).T
+    position, velocity = made.position @ back, made.velocity @ back
+    effort = made.torque @ np.linalg.inv(torque).T
+    return replace(made, joint_names=JOINTS, position=position, velocity=velocity, torque=effort)
 
 
-@given(st.lists(FACTORS, min_size=4, max_size=4))
-def test_a_recording_in_coupled_coordinates_reads_back(made, tmp_path_factory, factors):
-    matrix = np.array(factors).reshape(2, 2)
-    assume(np.linalg.matrix_rank(matrix) == 2)
-    path = write_parquet(coupled := seen(made, matrix), tmp_path_factory.mktemp("coupled"))
-    settings = of_file(coupling=rows(matrix))
+@given(st.lists(FACTORS, min_size=4, max_size=4), st.sampled_from(["work", "none", "belt"]))
+def test_a_recording_in_coupled_coordinates_reads_back(made, tmp_path_factory, factors, torques):
+    """Torques follow the motion by virtual work, or are coupled apart, or not at all."""
+    motion = np.array(factors).reshape(2, 2)
+    assume(np.linalg.matrix_rank(motion) == 2)
+    torque = {"work": np.linalg.inv(motion).T, "none": np.eye(2), "belt": np.array([[1.0, -1.0], [0.0, 1.0]])}
+    given = {"work": None, "none": {}, "belt": rows(torque["belt"])}
+    coupled = couple(made, motion, torque[torques])
+    path = write_parquet(coupled, tmp_path_factory.mktemp("coupled"))
+    settings = of_file(coupling=rows(motion), torque_coupling=given[torques])
     found = load_recording(path, settings, JOINTS)
     torque = torque_of(found, None, settings)
-    close = {"rtol": 0, "atol": 1e-9 * np.abs(matrix).max() / abs(np.linalg.det(matrix))}
+    close = {"rtol": 0, "atol": 1e-9 * np.abs(motion).max() / abs(np.linalg.det(motion))}
     for x, y in ((found.position, made.position), (found.velocity, made.velocity), (torque, made.torque)):
         np.testing.assert_allclose(x, y, **close)
-    power = (coupled.torque * coupled.velocity).sum(1)
-    np.testing.assert_allclose((torque * found.velocity).sum(1), power, rtol=1e-6, atol=1e-6)
-
-
-@pytest.mark.parametrize("torque", [{}, rows([[1.0, -1.0], [0.0, 1.0]])])
-def test_motion_and_torques_may_be_coupled_apart(made, tmp_path, torque):
-    matrix = np.array([[row[k] for k in JOINTS] for row in torque.values()]) if torque else np.eye(2)
-    for motion in (COUNTED, np.eye(2)):
-        settings = of_file(coupling=rows(motion), torque_coupling=torque)
-        found = load_recording(write_parquet(seen(made, motion, matrix), tmp_path), settings, JOINTS)
-        np.testing.assert_allclose(found.position, made.position)
-        np.testing.assert_allclose(torque_of(found, None, settings), made.torque)
+    if torques == "work":
+        power = (coupled.torque * coupled.velocity).sum(1)
+        np.testing.assert_allclose((torque * found.velocity).sum(1), power, rtol=1e-6, atol=1e-6)
 
 
 def test_gains_and_signs_are_those_of_the_motors(planar, clock, recording):
@@ -69,21 +66,21 @@ def test_what_was_sent_is_in_the_same_coordinates(tmp_path):
     np.testing.assert_allclose(found.position, [[0.1, 0.1], [0.3, 0.4]])
 
 
-REFUSED = [
-    ({"coupling": {"3": {"1": 1.0}}}, "recording.coupling names 3; the arm has joints 1, 2"),
-    ({"coupling": {"1": {"elbow": 1.0}}}, "recording.coupling names elbow; the arm"),
-    ({"torque_coupling": {"1": {"3": 1.0}}}, "recording.torque_coupling names 3; the arm"),
-    ({"coupling": {"1": {"2": 1.0}}}, "recording.coupling has no inverse"),
-    ({"coupling": {"1": {}}}, "recording.coupling has no inverse"),
-    ({"torque_coupling": rows([[1e-9, 2e-9], [1.0, 2.0]])}, "recording.torque_coupling has no inverse"),
-    ({"coupling": [[1.0, 0.0], [0.0, 1.0]]}, "coupling is .*, expected a group of settings"),
-    ({"coupling": {"1": 2.0}}, "coupling.1 is 2.0, expected a group of settings"),
-    ({"coupling": {"1": {"1": float("nan")}}}, r"coupling\.1\.1 is nan, expected a number"),
-    ({"coupling": {"1": {"1": float("inf")}}}, r"coupling\.1\.1 is inf, expected a number"),
+IMPOSSIBLE = [
+    ({"coupling": {"3": {"1": 1.0}}}, "recording.coupling 3 1, 2"),
+    ({"coupling": {"1": {"elbow": 1.0}}}, "recording.coupling elbow"),
+    ({"torque_coupling": {"1": {"3": 1.0}}}, "recording.torque_coupling 3"),
+    ({"coupling": {"1": {"2": 1.0}}}, "recording.coupling inverse"),
+    ({"coupling": {"1": {}}}, "recording.coupling inverse"),
+    ({"torque_coupling": rows([[1e-9, 2e-9], [1.0, 2.0]])}, "recording.torque_coupling inverse"),
+    ({"coupling": [[1.0, 0.0], [0.0, 1.0]]}, "coupling"),
+    ({"coupling": {"1": 2.0}}, "coupling.1 2.0"),
+    ({"coupling": {"1": {"1": float("nan")}}}, "coupling.1.1 nan"),
+    ({"coupling": {"1": {"1": float("inf")}}}, "coupling.1.1 inf"),
 ]
 
 
-@pytest.mark.parametrize(("changes", "words"), REFUSED)
-def test_impossible_couplings_are_refused(made, changes, words):
-    with pytest.raises(ConfigError, match=words):
+@pytest.mark.parametrize(("changes", "about"), IMPOSSIBLE)
+def test_impossible_couplings_are_refused(made, changes, about):
+    with refused(ConfigError, *about.split()):
         torque_of(replace(made, joint_names=JOINTS), None, of_file(**changes))

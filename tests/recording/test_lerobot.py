@@ -12,6 +12,7 @@ from sidegan.base.conf import CONF
 from sidegan.errors import RecordingError
 from sidegan.recording.load import files_of, load_recording
 from tests.recording.conftest import of_file, recorded
+from tests.refusals import refused
 
 FPS, CUTS = 100, (0, 700, 1200, 2000)  # frames at which episodes begin
 
@@ -68,11 +69,12 @@ def test_an_incomplete_dataset_is_refused(made, tmp_path):
     folder = written(made, tmp_path / "set")
     first, second = sorted(folder.glob("data/*/*.parquet"))
     second.unlink()
-    for words, fault in (
-        ("a LeRobot dataset without frames", first.unlink),
-        ("no column episode_index", lambda: pd.DataFrame({"timestamp": [0.0]}).to_parquet(first)),
-        ("is not a complete JSON file", lambda: (folder / "meta" / "info.json").write_text("{")),
-    ):
-        fault()
-        with pytest.raises(RecordingError, match=words):
-            read(folder, made)
+    first.unlink()
+    with refused(RecordingError, str(folder), ".parquet"):
+        read(folder, made)
+    pd.DataFrame({"timestamp": [0.0]}).to_parquet(first)
+    with refused(RecordingError, str(first), "episode_index"):
+        read(folder, made)
+    (folder / "meta" / "info.json").write_text("{")
+    with refused(RecordingError, "info.json"):
+        read(folder, made)

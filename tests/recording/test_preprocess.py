@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.recording.grid import runs
+from sidegan.recording.grid import continuous_stretches
 from sidegan.recording.load import load_recording
 from sidegan.recording.recording import Recording
 from sidegan.recording.segments import preprocess
@@ -121,7 +121,10 @@ def test_the_grid_is_uniform_and_crosses_no_gap(at, duplicates):
     time = np.arange(400) * 0.01 + np.random.default_rng(0).uniform(-0.003, 0.003, 400)
     time[at:] += 1.0
     once, again = (
-        [(run.grid(0, run.points), run.at([wave(t)], 0, run.points)) for run in runs(t, 0.01, 0.1)]
+        [
+            (run.grid(0, run.points), run.at([wave(t)], 0, run.points))
+            for run in continuous_stretches(t, 0.01, 0.1)
+        ]
         for t in (time, np.sort([*time, *time[:duplicates]]))
     )
     assert len(once) == len(again) == 2

@@ -1,4 +1,4 @@
-"""Settings, files and recordings that are refused or warned about, with the message."""
+"""Settings, files and recordings that are refused or warned about, with what the message has to name."""
 
 import math
 import os
@@ -16,28 +16,30 @@ from sidegan.recording.settings import Files
 from sidegan.robot import load_robot
 from tests.recording import files
 from tests.recording.conftest import of_file, part_of
+from tests.refusals import refused
 
 PLANAR = load_robot("planar2")
 SETTINGS = [
-    (r"units\.angle is 'turn', expected 'rad' or 'deg'", {"units": {"angle": "turn"}}),
-    ("position is None, expected text", {"position": None}),
-    *(("in braces", {"position": x}) for x in ("q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}")),
+    ("units.angle", {"units": {"angle": "turn"}}),
+    ("position", {"position": None}),
+    *((text, {"position": text}) for text in ("q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}")),
     *((name, {name: -1.0}) for name in ("cutoff", "still")),
     *(("cutoff", {"cutoff": 0}), ("gap", {"gap": 1e300})),
 ]
 
 
-@pytest.mark.parametrize(("words", "changes"), SETTINGS)
-def test_invalid_settings_are_refused(words, changes):
-    with pytest.raises(ConfigError, match=words):
+@pytest.mark.parametrize(("name", "changes"), SETTINGS)
+def test_invalid_settings_are_refused(name, changes):
+    with refused(ConfigError, name):
         of_file(**changes)
+
+
+bag = partial(files.write_bag, names=["1", "2"])
+foreign_bag = partial(files.write_bag, names=["x", "y"])
 
 
 def of_text(_, folder):
     return files.write_messages(folder, [(1, True, "hello")], "std_msgs/msg/String")
-
-
-bag = partial(files.write_bag, names=["1", "2"])
 
 
 def of_words(text):
@@ -48,8 +50,22 @@ def of_words(text):
     return write
 
 
+def pipe(_, folder):
+    os.mkfifo(folder / "a")
+    return folder / "a"
+
+
 def without(*columns):
     return files.written(lambda table: table.drop(columns=[*columns]))
+
+
+def assigned(column, change):
+    """A table in which a column is another."""
+    return files.written(lambda table: table.assign(**{column: change(table)}))
+
+
+def renamed(**names):
+    return files.written(lambda table: table.rename(columns=names))
 
 
 def ragged(made, folder):
@@ -69,82 +85,64 @@ def twice(**names):
     return files.written(lambda table: table.assign(**{new: table[old] for new, old in names.items()}))
 
 
-def stated(**units):
-    """Units in brackets behind the names of a signal's columns."""
-    headings = {f"{name}{j}": f"{name}{j} {unit}" for name, unit in units.items() for j in (1, 2)}
-    return files.written(lambda table: table.rename(columns=headings))
+def stated(name, unit):
+    """A unit in brackets behind the names of a signal's columns."""
+    return renamed(**{f"{name}{j}": f"{name}{j} {unit}" for j in (1, 2)})
 
 
 ARRAYS = {"position": "q", "torque": "tau"}
-STATED = [
-    ("tau", "V", "torque=N·m"),
-    ("tau", "lbf", "torque=N·m"),
-    ("tau", "mA", "torque"),
-    ("q", "grad", "angle=rad"),
-]
-FILES = [
-    ("there is no recording", lambda _, folder: folder / "a.csv", {}),
-    ("neither a file nor a folder", lambda _, folder: os.mkfifo(folder / "a") or folder / "a", {}),
-    ("without a bag", lambda _, folder: folder, {}),
-    (
-        r"has the suffix \.xls, expected \.csv",
-        lambda made, to: files.write_csv(made, to).rename(to / "a.xls"),
-        {},
-    ),
-    ("recording.joints has 1 name, the arm has 2 joints", files.written(), {"joints": ["a"]}),
-    ("lack a number, in column q2", files.written(lambda table: table.assign(q2=np.nan)), {}),
-    ("no position for 1 of the arm's 2 joints: no column 'q2'", without("q2"), {}),
-    ("position of 5 joints, the arm has 2; if the first 2", twice(q3="q1", q4="q1", q5="q2"), {}),
-    ("no torque for 1 of the arm's 2 joints: no column 'tau2'", without("tau2"), {}),
-    (r"no column like 't' or 'time' of time stamps.*recording\.rate=1000", without("t"), {}),
-    ("time as 't' and as 'time'; choose one: recording.time=t", twice(time="t"), {}),
-    (r"position as 'q\{index\}' and as 'q_\{index\}'; choose one", twice(q_1="q1", q_2="q2"), {}),
-    ("is no table: expected a line of column names", of_words("q1,q2\n" + "x" * 200_000), {}),
-    ("is no table", of_words("Dear colleagues,\nhere is what you\nasked for\n"), {}),
-    ("begins with numbers.*add one", files.written(header=False), {}),
-    (
-        "100% of its rows .* number, in column t",
-        files.written(lambda table: table.assign(t="running")),
-        {},
-    ),
-    ("number, in column q1", files.written(lambda table: table.assign(q1=table.q1 * 1e300)), {}),
-    ("75% of its rows .* tau2", files.written(lambda table: table.assign(tau2=table.tau2[::4])), {}),
-    (r"'tau1 \(%\)' is a share of a rated .*: recording\.units\.torque=N·m", stated(tau="(%)"), {}),
-    *(
-        (rf"1 .* states '{x}', .* already: recording\.units\.{to}", stated(**{name: f"[{x}]"}), {})
-        for name, x, to in STATED
-    ),
-    (
-        r"known are A, mA.* recording\.units\.current=A$",
-        files.written(lambda table: table.rename(columns={"tau1": "i1 [V]", "tau2": "i2 [V]"})),
-        {},
-    ),
-    ("occurs twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
-    ("a row for each joint, by 'joint', expected .*columns='joint'", files.written(by_joint), {}),
-    ("column q must have one list of numbers per row, all equally long", ragged, {}),
-    ("differ in length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
-    ("the arm has 2 joints", files.arrays(q=np.ones((200, 3))), ARRAYS),
-    ("one number per row: q is .200, 2, 2", files.arrays(q=np.zeros((200, 2, 2))), ARRAYS),
-    ("is not a complete npz file", files.arrays(q=np.array([{}] * 200)), ARRAYS),
-    ("array q holds complex128, expected real numbers", files.arrays(q=1j * np.ones((200, 2))), ARRAYS),
-    ("has no joint 1, 2; it has x, y", partial(files.write_bag, names=["x", "y"]), {}),
-    ("has joint states on /joint_states, not on /arm", files.write_bag, {"topic": "/arm"}),
-    ("have position, .* not acceleration", lambda made, to: Files("", None, str(bag(made, to)), ""), {}),
-    (r"has no joint states .*; it has /joint_states \(std_msgs/msg/String\)", of_text, {}),
-]
+FILES = {  # how a file is written, how it is read, and what the message names
+    "no such file": (lambda _, folder: folder / "a.csv", {}, "a.csv"),
+    "a pipe": (pipe, {}, "a"),
+    "a folder": (lambda _, folder: folder, {}, ".mcap"),
+    "a suffix": (lambda made, to: files.write_csv(made, to).rename(to / "a.xls"), {}, ".xls .csv"),
+    "too few joints named": (files.written(), {"joints": ["a"]}, "recording.joints"),
+    "a blank column": (assigned("q2", lambda _: np.nan), {}, "a.csv q2"),
+    "no position of a joint": (without("q2"), {}, "a.csv 'q2'"),
+    "positions of many more": (twice(q3="q1", q4="q1", q5="q2"), {}, 'recording.position="q{index}"'),
+    "no torque of a joint": (without("tau2"), {}, "'tau2' recording.without"),
+    "no stamps": (without("t"), {}, "'t' recording.rate=1000"),
+    "two times": (twice(time="t"), {}, "'time' recording.time=t"),
+    "two positions": (twice(q_1="q1", q_2="q2"), {}, "'q_{index}' recording.position"),
+    "a long line": (of_words("q1,q2\n" + "x" * 200_000), {}, "a.txt"),
+    "prose": (of_words("Dear colleagues,\nhere is what you\nasked for\n"), {}, "a.txt"),
+    "no header": (files.written(header=False), {}, "a.csv t,q1,q2"),
+    "words for times": (assigned("t", lambda _: "running"), {}, "a.csv 100% t"),
+    "huge numbers": (assigned("q1", lambda table: table.q1 * 1e300), {}, "a.csv q1"),
+    "mostly blank": (assigned("tau2", lambda table: table.tau2[::4]), {}, "75% tau2"),
+    "per cent": (stated("tau", "(%)"), {}, "'tau1 (%)' recording.units.torque=N·m"),
+    "volts": (stated("tau", "[V]"), {}, "'V' recording.units.torque=N·m"),
+    "pounds": (stated("tau", "[lbf]"), {}, "'lbf' recording.units.torque=N·m"),
+    "milliampere": (stated("tau", "[mA]"), {}, "'mA' recording.units.torque=N·m"),
+    "grad": (stated("q", "[grad]"), {}, "'grad' recording.units.angle=rad"),
+    "currents in volts": (renamed(tau1="i1 [V]", tau2="i2 [V]"), {}, "'V' recording.units.current=A"),
+    "a name twice": (renamed(q2="q1"), {}, "a.csv q1"),
+    "a row for each joint": (files.written(by_joint), {}, "columns='joint'"),
+    "ragged lists": (ragged, {}, "q"),
+    "a short array": (files.arrays(q=np.ones((3, 2))), ARRAYS, "t has 200 q has 3"),
+    "a wide array": (files.arrays(q=np.ones((200, 3))), ARRAYS, "'q' 2 joints"),
+    "a cube": (files.arrays(q=np.zeros((200, 2, 2))), ARRAYS, "a.npz q"),
+    "objects": (files.arrays(q=np.array([{}] * 200)), ARRAYS, "a.npz"),
+    "complex numbers": (files.arrays(q=1j * np.ones((200, 2))), ARRAYS, "q complex128"),
+    "another arm": (foreign_bag, {}, "1, 2 x, y"),
+    "another topic": (files.write_bag, {"topic": "/arm"}, "/joint_states /arm"),
+    "no accelerations": (lambda made, to: Files("", None, str(bag(made, to)), ""), {}, "acceleration"),
+    "no joint states": (of_text, {}, "/joint_states std_msgs/msg/String"),
+}
 
 
-@pytest.mark.parametrize(("words", "write", "changes"), FILES, ids=[words for words, *_ in FILES])
-def test_unreadable_files_are_refused(made, tmp_path, words, write, changes):
-    with pytest.raises(RecordingError, match=words):
-        load_recording(write(made, tmp_path), of_file(**changes), ("1", "2"))
+@pytest.mark.parametrize(("write", "changes", "about"), FILES.values(), ids=FILES)
+def test_unreadable_files_are_refused(made, tmp_path, write, changes, about):
+    path = write(made, tmp_path)
+    with refused(RecordingError, *about.split()):
+        load_recording(path, of_file(**changes), ("1", "2"))
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.npz", "a.mcap", "a.db3"])
 @pytest.mark.parametrize("content", [b"", b"\x93garbage\x00\xff" * 99])
 def test_empty_and_garbage_files_are_refused(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(RecordingError, match=name.replace(".", r"\.")):
+    with refused(RecordingError, name):
         load_recording(tmp_path / name, of_file(), ("1", "2"))
 
 
@@ -153,7 +151,7 @@ def test_truncated_files_are_refused(made, tmp_path, write):
     path = write(made, tmp_path)
     file = path if path.is_file() else max(path.iterdir(), key=lambda p: p.stat().st_size)
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 3])
-    with pytest.raises(RecordingError):
+    with refused(RecordingError):
         load_recording(path, of_file(), made.joint_names)
 
 
@@ -170,8 +168,16 @@ def currents(factor=1.0):
     return lambda recording: replace(recording, torque=None, current=factor / 2 * recording.torque)
 
 
-def change_elbow(signal, change):
+def of_elbow(signal, change):
     return but(signal, lambda x: np.stack([x[:, 0], change(x[:, 1])], 1))
+
+
+def first(samples):
+    return lambda recording: part_of(recording, slice(samples))
+
+
+def as_it_is(recording):
+    return recording
 
 
 def shuffled(time):
@@ -194,6 +200,23 @@ def interrupted(time):
     return np.where(k == 700, time[699], time) + 2.0 * (k >= 1000)
 
 
+def lost(samples):
+    """Which samples of a recording follow the 700th."""
+    k = np.arange(2000)
+    return (k > 700) & (k <= 700 + samples)
+
+
+def missing(recording):
+    """Rows were lost, and a clock was counted afterwards."""
+    rest = part_of(recording, np.flatnonzero(~lost(59)))
+    return replace(rest, time=recording.time[: len(rest.time)])
+
+
+def within_a_turn(recording):
+    """Positions in degrees, from 0 to 360."""
+    return replace(recording, position=np.rad2deg(recording.position % (2 * np.pi)), velocity=None)
+
+
 def limited(torque):
     return replace(PLANAR, torque_limit=np.full(2, torque))
 
@@ -202,128 +225,94 @@ def check(recording, arm=PLANAR, gains=None, **changes):
     return check_recording(recording, arm, of_file(**changes), gains)
 
 
-def missing(recording):
-    """Rows were lost, and a clock was counted afterwards."""
-    lost = part_of(recording, [k for k in range(len(recording.time)) if not 700 < k < 760])
-    return replace(lost, time=recording.time[: len(lost.time)])
+DEGREES, TWO = 180 / math.pi, (2.0, 2.0)
+CHECKED = {  # what was changed, how it is checked, and what the message names
+    "degrees": (scaled("position", DEGREES), {}, "recording.units.angle=deg"),
+    "degrees in a turn": (within_a_turn, {}, "recording.units.angle=deg"),
+    "radians": (scaled("position", 1 / DEGREES), {"units": {"angle": "deg"}}, "recording.units.angle=rad"),
+    "rates in degrees": (scaled("velocity", DEGREES), {}, "velocity degrees"),
+    "milliseconds": (scaled("time", 1e3), {}, "recording.units.time=ms"),
+    "nanoseconds": (scaled("time", 1e9), {}, "recording.units.time=ns"),
+    "microseconds": (scaled("time", 1e3), {"units": {"time": "ms"}}, "recording.units.time=us"),
+    "whole seconds": (but("time", np.floor), {}, "1980 recording.time=none recording.rate=100"),
+    "milliampere": (currents(1e3), {"gains": TWO}, "recording.units.current=mA robot.limits.effort"),
+    "currents": (currents(1e3), {"gains": TWO, "units": {"current": "mA"}}, "robot.gains"),
+    "gains": (currents(), {"gains": (2e5, 2e5)}, "robot.gains"),
+    "without limits": (currents(1e3), {"gains": TWO, "arm": limited(np.inf)}, "description"),
+    "torques": (scaled("torque", 1e7), {}, "N·m recording.current"),
+    "no motion": (scaled("position", 1e-4), {}, "made"),
+    "no torques": (but("torque", np.zeros_like), {}, "every torque"),
+    "constant torques": (but("torque", np.ones_like), {}, "shoulder, elbow recording.without"),
+    "a blank torque": (but("torque", lambda x: x * [1, 0]), {}, "without=[elbow] robot.tip=upper_arm"),
+    "nine samples": (first(9), {}, "9 samples"),
+    "one sample": (first(1), {}, "1 sample,"),
+    "no duration": (scaled("time", 1e-300), {}, "made"),
+    "no signal": (but("torque", lambda _: None), {}, "torque current"),
+    "constant velocities": (but("velocity", np.ones_like), {}, "shoulder, elbow recording.velocity=null"),
+    "one stamp": (but("time", np.ones_like), {}, "same time stamp"),
+    "a stamp too early": (but("time", shuffled), {}, "sample 100: sort"),
+    "backwards": (but("time", lambda x: x[::-1]), {}, "sample 1: sort"),
+    "a restart": (but("time", lambda x: np.r_[x[:1000], x[:1000]]), {}, "sample 1000: restarts"),
+    "no leading zeros": (but("time", unpadded), {}, "nanoseconds"),
+    "a wild torque": (of_elbow("torque", spike), {}, "elbow 1e+06 1 sample of 2000"),
+    "no gains": (currents(), {}, "robot.gains"),
+    "too many gains": (currents(), {"gains": (1.0, 1.0, 1.0)}, "robot.gains 3 2"),
+    "too few gains": (currents(), {"gains": (1.0,)}, "robot.gains 1 2"),
+    "a reversed stranger": (as_it_is, {"reverse": ["wrist"]}, "recording.reverse wrist"),
+    "always at rest": (as_it_is, {"still": 100.0}, "100 rad/s"),
+    "a jump": (of_elbow("position", lambda x: x + 0.4 * (np.arange(len(x)) > 700)), {}, "elbow 701"),
+    "missing rows": (missing, {}, "701"),
+    "five samples away": (of_elbow("position", lambda x: np.where(lost(5), 0.0, x)), {}, "elbow 701"),
+    "a low cut-off": (as_it_is, {"cutoff": 1e-11}, "0.2 Hz"),
+}
 
 
-def within_a_turn(recording):
-    """Positions in degrees, from 0 to 360."""
-    return replace(recording, position=np.rad2deg(recording.position % (2 * np.pi)), velocity=None)
-
-
-def lost(samples):
-    """Which samples of a recording follow the 700th."""
-    return [700 < k <= 700 + samples for k in range(2000)]
-
-
-JUMPS = r"(shoulder|elbow) jumps by .* rad after sample 701, at .*: are rows missing"
-DEGREES, GAINS, TWO = 180 / math.pi, r"are the drive gains \(robot\.gains\)", (2.0, 2.0)
-UNITS = [("ms", "s", 1e3), ("ns", "s", 1e9), ("us", "ms", 1e3)]
-DEAD = "velocity of shoulder, elbow is constant.*velocity=null"
-LOW = r"the cut-off is .* Hz, expected more than 0\.2 Hz"
-CHECKED = [
-    ("are these degrees", scaled("position", DEGREES), {}),
-    (r"are these degrees\? \(recording\.units\.angle=deg\)", within_a_turn, {}),
-    ("are these radians", scaled("position", 1 / DEGREES), {"units": {"angle": "deg"}}),
-    ("one is in degrees", scaled("velocity", DEGREES), {}),
-    *((rf"another unit.*units\.time={x}\)", scaled("time", f), {"units": {"time": y}}) for x, y, f in UNITS),
-    (r"resolution of 1 s, 1980 of 2000 .*time=none recording\.rate=100$", but("time", np.floor), {}),
-    (r"times its limit: .*\(recording\.units\.current=mA\)", currents(1e3), {"gains": TWO}),
-    (GAINS, currents(1e3), {"gains": TWO, "units": {"current": "mA"}}),
-    (GAINS, currents(), {"gains": (2e5, 2e5)}),
-    ("times what the description predicts", currents(1e3), {"gains": TWO, "arm": limited(np.inf)}),
-    ("is it in N·m, and the joint order", scaled("torque", 1e7), {}),
-    ("hardly moves: no joint by more than 0", scaled("position", 1e-4), {}),
-    ("every torque is zero", but("torque", np.zeros_like), {}),
-    (
-        r"torque of shoulder, elbow is blank or constant .*; record with shoulder, elbow at rest",
-        but("torque", np.ones_like),
-        {},
-    ),
-    (
-        r"torque of elbow is blank .*; record with elbow at rest, .*without=\[elbow\].*robot.tip=upper_arm$",
-        but("torque", lambda x: x * [1.0, 0.0]),
-        {},
-    ),
-    ("has 9 samples, expected 10 or more", lambda recording: part_of(recording, slice(9)), {}),
-    ("has 1 sample, expected 10 or more", lambda recording: part_of(recording, slice(1)), {}),
-    ("too short to identify from", scaled("time", 1e-300), {}),
-    ("neither torque nor current", but("torque", lambda _: None), {}),
-    (DEAD, but("velocity", np.ones_like), {}),
-    ("all samples have the same time stamp", but("time", np.ones_like), {}),
-    ("time runs backwards.* after sample 100: sort its rows by time$", but("time", shuffled), {}),
-    ("backwards.*: sort its rows by time", but("time", lambda x: x[::-1]), {}),
-    ("after sample 1000: the clock restarts, so split", but("time", lambda x: np.r_[x[:1000], x[:1000]]), {}),
-    ("and so on .* times: were nanoseconds put behind the point", but("time", unpadded), {}),
-    (
-        r"elbow is 1e\+06 N·m at [67].* s, and beyond .* in only 1 sample of 2000",
-        change_elbow("torque", spike),
-        {},
-    ),
-    ("set the drive gains", currents(), {}),
-    ("robot.gains has 3 drive gains, the arm has 2 joints", currents(), {"gains": (1.0, 1.0, 1.0)}),
-    ("robot.gains has 1 drive gain, the arm has 2 joints", currents(), {"gains": (1.0,)}),
-    ("reverse names wrist", lambda same: same, {"reverse": ["wrist"]}),
-    ("no joint stays faster than 100 rad/s", lambda same: same, {"still": 100.0}),
-    (JUMPS, change_elbow("position", lambda x: x + 0.4 * (np.arange(len(x)) > 700)), {}),
-    (JUMPS, missing, {}),
-    (r"elbow jumps by", change_elbow("position", lambda x: np.where(lost(5), 0.0, x)), {}),
-    (LOW, lambda same: same, {"cutoff": 1e-11}),
-]
-
-
-@pytest.mark.parametrize(("words", "change", "options"), CHECKED)
-def test_implausible_recordings_are_refused(recording, words, change, options):
-    with pytest.raises(RecordingError, match=words):
+@pytest.mark.parametrize(("change", "options", "about"), CHECKED.values(), ids=CHECKED)
+def test_implausible_recordings_are_refused(recording, change, options, about):
+    with refused(RecordingError, *about.split()):
         check(change(recording), **options)
 
 
 WARNED = [
-    ("recording.reverse=[elbow]", change_elbow("torque", np.negative)),
-    ("swapped, scaled or reversed?", change_elbow("velocity", np.negative)),
+    ("recording.reverse=[elbow]", of_elbow("torque", np.negative)),
+    ("recording.velocity=null", of_elbow("velocity", np.negative)),
     ("the arm hardly moves", scaled("position", 0.1)),
-    ("elbow never moved", lambda r: replace(change_elbow("position", np.zeros_like)(r), velocity=None)),
+    ("elbow never moved", lambda r: replace(of_elbow("position", np.zeros_like)(r), velocity=None)),
     ("1 gap, the longest 2", but("time", interrupted)),
     ("1 sample with a repeated time stamp", but("time", interrupted)),
-    ("the torque of shoulder, elbow is coarsely", but("torque", lambda x: (x / 9).round() * 9)),
-    ("looks saturated", but("torque", lambda x: np.minimum(x, x.max() / 2))),
-    ("looks saturated", but("torque", lambda x: np.minimum(x, x.max() / 2).round(1))),
-    ("1 corrupt row, left out; the first is row 7: ", but("corrupt", lambda _: ((7, "no number in q1"),))),
-    (
-        "is this the right arm, and its joint order?",
-        lambda r: replace(r, torque=np.sin(r.time[:, None] * [3.1, 4.3])),
-    ),
+    ("shoulder, elbow is coarsely quantised", but("torque", lambda x: (x / 9).round() * 9)),
+    ("saturated", but("torque", lambda x: np.minimum(x, x.max() / 2))),
+    ("saturated", but("torque", lambda x: np.minimum(x, x.max() / 2).round(1))),
+    ("row 7: no number in q1", but("corrupt", lambda _: ((7, "no number in q1"),))),
+    ("right arm", lambda r: replace(r, torque=np.sin(r.time[:, None] * [3.1, 4.3]))),
 ]
+
+
+@pytest.mark.parametrize(("words", "change"), WARNED)
+def test_suspicious_recordings_are_warned_about(recording, words, change):
+    assert words in "\n".join(check(change(recording)).warnings)
 
 
 @pytest.mark.parametrize("samples", [1, 3, 4])
 def test_positions_that_jump_and_return_are_left_out(recording, samples):
     at = lost(samples)
-    zeros = replace(recording, position=np.where(np.transpose([at]), 0.0, recording.position))
-    rest = part_of(recording, np.flatnonzero(~np.array(at)))
-    found, clean = check(zeros), check(rest)
-    assert f"elbow jumps and returns at {recording.time[701]:.6g}" in found.warnings[0]
-    assert f"{samples} sample" in found.warnings[0] and found.warnings[1:] == clean.warnings
+    zeros = replace(recording, position=np.where(at[:, None], 0.0, recording.position))
+    found, clean = check(zeros), check(part_of(recording, np.flatnonzero(~at)))
+    for words in ("elbow", f"{recording.time[701]:.6g}", f"{samples} sample"):
+        assert words in found.warnings[0]
+    assert found.warnings[1:] == clean.warnings
     np.testing.assert_array_equal(found.segments[0].position, clean.segments[0].position)
 
 
 def test_held_and_quantised_torques_are_not_taken_for_saturated(recording):
     k = np.arange(len(recording.time))
-    held = replace(recording, torque=recording.torque[k - k % 8])
+    found = [replace(recording, torque=recording.torque[k - k % 8])]
     noise = np.random.default_rng(0).standard_normal(recording.torque.shape)
-    found = [held]
     for quantum in (1, 2):
         for scatter in (0, 0.2, 0.5):
             torque = (recording.torque + scatter * noise) / quantum
             found.append(replace(recording, torque=torque.round() * quantum))
     assert not [text for made in found for text in check(made).warnings if "saturated" in text]
-
-
-@pytest.mark.parametrize(("words", "change"), WARNED, ids=[words for words, _ in WARNED])
-def test_suspicious_recordings_are_warned_about(recording, words, change):
-    assert words in "\n".join(check(change(recording)).warnings)
 
 
 def test_torque_limits_too_low_to_hold_the_arm_only_warn(recording):

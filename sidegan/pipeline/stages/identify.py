@@ -23,10 +23,11 @@ from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.store import PARAMS
 from sidegan.pipeline.tracking import Tracker
-from sidegan.recording.check import CheckedRecording, Role, read_and_check
+from sidegan.recording.checked import CheckedRecording, Role
 from sidegan.recording.commanded import commanded_files
 from sidegan.recording.load import files_of
 from sidegan.recording.overlap import refuse_shared
+from sidegan.recording.read import read_and_check
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.report.export import publish, show
 from sidegan.report.identification import REPORT, VERDICT, check_table, write_checks

@@ -13,7 +13,7 @@ from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, Identif
 from sidegan.identification.payload import VALUES, values_of
 from sidegan.identification.verdict import BAD, Quality, joint_of
 from sidegan.identification.workflow import excess
-from sidegan.recording.check import CheckedRecording
+from sidegan.recording.checked import CheckedRecording
 
 _NAMED = 6  # joints or parameters in a sentence, at most
 _NAMES = {EQUAL_WEIGHTS: "equal weights"}  # labels of methods

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from sidegan.base.arrays import Array
 from sidegan.identification.identified import IdentifiedArm
 from sidegan.identification.measurements import Measurements, pieces
-from sidegan.recording.check import CheckedRecording
+from sidegan.recording.checked import CheckedRecording
 from sidegan.report import canvas
 
 MEASURED, PREDICTED, RESIDUAL = "#8795a1", "#0b66c3", "#d9480f"

@@ -15,7 +15,7 @@ from sidegan.base.storage import write_bytes, write_json
 from sidegan.identification.estimate import Score
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.model import TorqueModel
-from sidegan.recording.check import CheckedRecording
+from sidegan.recording.checked import CheckedRecording
 from sidegan.report.document import web_page
 from sidegan.report.identification import content
 from sidegan.report.identification.c_header import c_header

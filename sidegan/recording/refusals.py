@@ -8,28 +8,14 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
+from sidegan.recording import thresholds
 from sidegan.recording.agreement import Agreement
 from sidegan.recording.recording import Recording
-from sidegan.recording.statistics import SLOWEST, Signal, Statistics
+from sidegan.recording.statistics import Signal, Statistics
 from sidegan.recording.units import SECONDS, Units
 from sidegan.robot import Arm, setting
 
 DEGREES, MILLIMETRES = 180 / math.pi, 1e3
-HARDLY = 0.02  # [rad or m] range of motion below which nothing can be identified
-_FAR = 1.5  # times a joint limit, beyond which positions are hardly in radians
-_TURN = 2.1 * math.pi  # [rad] from zero, up to which positions are plausible whatever the limits
-_LONG = 5.0  # times a prismatic joint's limit, beyond which positions are hardly in metres
-_PART = 0.1  # of its range, through which a prismatic joint in use moves at least
-_COUNTED = 10.0  # times a joint limit, beyond which positions are hardly in any unit of angle
-_TINY = 2 * math.pi / DEGREES  # [rad] a turn, if radians are taken for degrees
-_USUAL = 0.15  # [s] longest usual time between samples
-_STRONG = 3.0  # times a torque limit: more than drives stand for a hundredth of the time
-_HEAVY = 30.0  # times the described torque: more than badly guessed masses explain
-_FEW = 1e-3  # share of the samples: fewer that are beyond the usual filtered torque are outliers
-_JUMP = 5.0  # times the usual largest steps, and times the joint's speed: a jump
-_LARGE = 0.99  # quantile of steps that is usual
-_LEAST_JUMP = 0.02  # [rad or m] below which a jump is a glitch
-_NEAR_JUMP = 4  # samples on either side whose median shows that a jump stays
 _THOUSANDTH = {"torque": "mNm", "current": "mA"}
 
 
@@ -37,22 +23,21 @@ def doubt_of_units(statistics: Statistics, arm: Arm, units: Units) -> str | None
     """Message if positions make sense only in another unit; time stamps that do are refused."""
     name = statistics.name
     position = statistics.signals["position"]
-    if statistics.step > SLOWEST and 2 * statistics.duplicates > statistics.samples:
+    if statistics.step > thresholds.LONGEST_STEP and 2 * statistics.duplicates > statistics.samples:
         rate = statistics.samples / (statistics.duration + statistics.step)
         raise RecordingError(
             f"{name}: time stamps have a resolution of {statistics.step:.3g} s, {statistics.duplicates} of "
             f"{statistics.samples} repeat the one before: log finer stamps, or, if samples are regular, "
             f"give their exact rate instead: recording.time=none recording.rate={rate:.3g}"
         )
-    if statistics.step > SLOWEST:
+    if statistics.step > thresholds.LONGEST_STEP:
         raw = statistics.step / SECONDS[units.time or "s"]
-        likely = next((unit for unit in ("ms", "us") if raw * SECONDS[unit] <= _USUAL), "ns")
+        likely = next((unit for unit in ("ms", "us") if raw * SECONDS[unit] <= thresholds.USUAL_STEP), "ns")
         raise RecordingError(
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
             f"(recording.units.time={likely})"
         )
-    doubts = (doubt(position, arm, units) for doubt in (_angles, _lengths, _counts))
-    return next(filter(None, doubts), None)
+    return _angles(position, arm, units) or _lengths(position, arm, units) or _counts(position, arm, units)
 
 
 def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
@@ -60,14 +45,14 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
     turning = ~arm.prismatic
     reach = position.largest
     limit = _limit(arm)
-    far = turning & (reach > _FAR * limit) & (reach > _TURN)
-    most = np.maximum(limit, _TURN)[turning]
+    far = turning & (reach > thresholds.FAR_ANGLE * limit) & (reach > thresholds.ANY_ANGLE)
+    most = np.maximum(limit, thresholds.ANY_ANGLE)[turning]
     if units.angle != "deg" and far.any() and (reach[turning] / DEGREES <= most).all():
         motors = "'recording.units.position={per_turn: [2π times each joint's ratio]}'"
         degrees = "are these degrees? (recording.units.angle=deg)"
         return f"{_reaches(position, arm, far)}: {degrees} or of the motors, before their gears? ({motors})"
     span = (position.upper - position.lower)[turning]
-    if units.angle == "deg" and len(span) and 0 < span.max() < _TINY:
+    if units.angle == "deg" and len(span) and 0 < span.max() < thresholds.LEAST_ANGLE:
         turned = f"{span.max() * DEGREES:.3g}°"
         return f"no joint turns more than {turned}: are these radians? (recording.units.angle=rad)"
     return None
@@ -78,11 +63,13 @@ def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
     sliding = arm.prismatic
     reach = position.largest
     limit = _limit(arm)
-    far = sliding & (reach > _LONG * limit)
-    if units.length != "mm" and far.any() and (reach[far] / MILLIMETRES <= _FAR * limit[far]).all():
+    far = sliding & (reach > thresholds.FAR_LENGTH * limit)
+    as_millimetres = MILLIMETRES * limit * thresholds.FAR_ANGLE
+    if units.length != "mm" and far.any() and (reach[far] <= as_millimetres[far]).all():
         return f"{_reaches(position, arm, far)}: are these millimetres? (recording.units.length=mm)"
     span, whole = position.upper - position.lower, arm.position_upper - arm.position_lower
-    short = sliding & (MILLIMETRES * reach <= _FAR * limit) & (MILLIMETRES * span > _PART * whole)
+    used = MILLIMETRES * span > thresholds.USED_LENGTH * whole
+    short = sliding & used & (MILLIMETRES * reach <= thresholds.FAR_ANGLE * limit)
     if units.length == "mm" and short.any():
         slid = f"{arm.named(short)} slides no more than {span[short].max() * MILLIMETRES:.3g} mm"
         return f"{slid}: are these metres? (recording.units.length=m)"
@@ -93,7 +80,7 @@ def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
     """Message if positions look like encoder counts."""
     if units.position is not None:
         return None
-    far = position.largest > _COUNTED * _limit(arm)
+    far = position.largest > thresholds.FAR_COUNTS * _limit(arm)
     if 2 * far.sum() <= arm.joints:
         return None
     largest = float(position.upper.max()) * (DEGREES if units.angle == "deg" else 1.0)
@@ -123,7 +110,7 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
     """Refuse a recording without motion or torque, or with constant rates of moving joints."""
     file, signals = statistics.name, statistics.signals
     span = signals["position"].upper - signals["position"].lower
-    if (span < HARDLY).all():
+    if (span < thresholds.MOVED).all():
         raise RecordingError(
             f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; identification needs "
             "motions through a good part of the arm's range: +experiment=excite"
@@ -135,10 +122,10 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
     if signal.constant.any():
         raise RecordingError(
             f"{file}: the {name} of {arm.named(signal.constant)} is blank or constant over the whole "
-            f"recording; {without_torque(arm, signal.constant, span >= HARDLY)}"
+            f"recording; {without_torque(arm, signal.constant, span >= thresholds.MOVED)}"
         )
     for rate in [name for name in ("velocity", "acceleration") if name in signals]:
-        dead = signals[rate].constant & (span >= HARDLY)
+        dead = signals[rate].constant & (span >= thresholds.MOVED)
         if dead.any():
             raise RecordingError(
                 f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; "
@@ -169,12 +156,13 @@ def refuse_jumps(recording: Recording, arm: Arm, gap: float) -> None:
     time = recording.time
     steps = np.diff(time)
     for j, name in enumerate(arm.joint_names):
-        moved = np.abs(np.diff(recording.position[:, j]))
-        usual = _JUMP * float(np.quantile(moved, _LARGE))
-        far = moved > np.maximum(max(usual, _LEAST_JUMP), _JUMP * arm.velocity_limit[j] * steps)
+        q = recording.position[:, j]
+        moved = np.abs(np.diff(q))
+        usual = np.maximum(np.quantile(moved, thresholds.JUMP_QUANTILE), arm.velocity_limit[j] * steps)
+        far = moved > np.maximum(thresholds.JUMP, thresholds.JUMP_STEPS * usual)
         for k in np.flatnonzero(far & (steps <= gap)).tolist():
-            near = slice(max(k - _NEAR_JUMP, 0), k + 1), slice(k + 1, k + 2 + _NEAR_JUMP)
-            before, after = (float(np.median(recording.position[part, j])) for part in near)
+            before = np.median(q[max(k - thresholds.JUMP_SAMPLES, 0) : k + 1])
+            after = np.median(q[k + 1 : k + 2 + thresholds.JUMP_SAMPLES])
             if abs(after - before) > moved[k] / 2:
                 unit = "m" if arm.prismatic[j] else "rad"
                 raise RecordingError(
@@ -196,9 +184,10 @@ def refuse_overload(
     torques (S, J) [N·m or N] before filtering, which show whether a few samples are the cause.
     """
     limited = np.isfinite(arm.torque_limit).any() and (agreement.needed <= arm.torque_limit).all()
-    most, than = (_STRONG, "its limit") if limited else (_HEAVY, "what the description predicts")
-    heavier = np.full_like(agreement.usual, agreement.heavier)
-    share = agreement.usual / arm.torque_limit if limited else heavier
+    share, most, than = agreement.usual / arm.torque_limit, thresholds.BEYOND_TORQUE_LIMIT, "its limit"
+    if not limited:
+        share = np.full_like(agreement.usual, agreement.heavier)
+        most, than = thresholds.BEYOND_DESCRIPTION, "what the description predicts"
     if not (share > most).any():
         return
     j = int(share.argmax())
@@ -206,7 +195,7 @@ def refuse_overload(
     time, raw = (np.concatenate(x) for x in zip(*torques))
     size = np.abs(raw[:, j])
     beyond = np.flatnonzero(size > agreement.usual[j])
-    if len(beyond) < _FEW * len(size):
+    if len(beyond) < thresholds.OUTLIERS * len(size):
         worst = int(size.argmax())
         raise RecordingError(
             f"{statistics.name}: the torque of {arm.joint_names[j]} is {raw[worst, j]:.4g} {unit} at "
@@ -215,7 +204,7 @@ def refuse_overload(
         )
     measured = statistics.load
     smaller = _THOUSANDTH[measured]
-    if _HEAVY < share[j] <= 1e3 * most and getattr(units, measured) != smaller:
+    if thresholds.BEYOND_DESCRIPTION < share[j] <= 1e3 * most and getattr(units, measured) != smaller:
         suspicion = f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"
     elif measured == "current":
         suspicion = "are the drive gains (robot.gains) and the joint order right?"

@@ -8,11 +8,11 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RecordingError
-from sidegan.recording.grid import interpolated
-from sidegan.recording.statistics import clock_of
+from sidegan.recording.clock import clock_of
+from sidegan.recording.grid import interpolate
 
 
-class Part(NamedTuple):
+class ClockedSignals(NamedTuple):
     """Signals of a file, without corrupt rows."""
 
     file: str
@@ -23,7 +23,7 @@ class Part(NamedTuple):
     remarks: list[str]  # on the columns
 
 
-def merged(parts: Sequence[Part]) -> Part:
+def merge(parts: Sequence[ClockedSignals]) -> ClockedSignals:
     """Signals at the stamps of the fastest file, with the corrupt rows of all files.
 
     Only times that all files cover are kept, without interpolation over gaps. A single file is unchanged.
@@ -31,7 +31,8 @@ def merged(parts: Sequence[Part]) -> Part:
     first = parts[0]
     if len(parts) == 1:
         return first
-    without, stamped = ([part.file for part in parts if part.stamped == has] for has in (False, True))
+    without = [part.file for part in parts if not part.stamped]
+    stamped = [part.file for part in parts if part.stamped]
     if without and stamped:
         raise RecordingError(
             f"{stamped[0]} has time stamps, but {without[0]} has none: add a column of time stamps to "
@@ -53,7 +54,7 @@ def merged(parts: Sequence[Part]) -> Part:
         )
     time = np.unique(fastest.time[(fastest.time >= begin) & (fastest.time <= end)])
     signals = {
-        name: interpolated(time, part.time, x, clock.gap)
+        name: interpolate(time, part.time, x, clock.gap)
         for part, clock in zip(parts, clocks)
         for name, x in part.signals.items()
     }
@@ -64,4 +65,4 @@ def merged(parts: Sequence[Part]) -> Part:
     if lost > max(clock.step for clock in clocks):
         remarks.append(f"only {begin:.6g} s to {end:.6g} s is in all files; the rest is left out")
     signals = {name: x[whole] for name, x in signals.items()}
-    return Part(first.file, first.stamped, time[whole], signals, corrupt, remarks)
+    return ClockedSignals(first.file, first.stamped, time[whole], signals, corrupt, remarks)

@@ -8,34 +8,27 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
-from sidegan.recording.grid import held
+from sidegan.recording import thresholds
+from sidegan.recording.grid import constant_ranges
 from sidegan.recording.recording import Recording
-from sidegan.recording.statistics import SLOWEST
 
 _TURN = 2 * np.pi
-_AROUND = np.pi / 2  # [rad] largest rotation between two samples
-_GLITCHES = 1e-3  # share of samples that may jump otherwise
-_FAR = 0.02  # [rad or m] from the neighbours' median, up to which a sample is no jump
-_MANY, _OFTEN = 5.0, 0.95  # times this quantile of the steps between samples, up to which it is none
-_NEAR = 4  # neighbours on either side, and most samples until a position returns
-_AT_REST = 0.02  # [rad or m] range of encoder readings at rest
-_WITHOUT_DRIVES = 0.5  # [s] of constant torques from which drives are off
 
 
-def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
+def unwrap(recording: Recording, slides: Sequence[bool]) -> Recording:
     """A recording with the positions of revolute joints unwrapped.
 
     Only steps of nearly whole turns are removed, and only of joints with hardly any other jumps.
     """
-    near = np.diff(recording.time) < SLOWEST
+    near = np.diff(recording.time) < thresholds.LONGEST_STEP
     position = recording.position
     found: list[str] = []
     for j, name in enumerate(recording.joint_names):
         steps = np.where(near, np.diff(position[:, j]), 0.0)
         turns = np.round(steps / _TURN)
-        odd = np.abs(steps - _TURN * turns) > _AROUND
+        odd = np.abs(steps - _TURN * turns) > thresholds.LARGEST_ROTATION
         turns[odd] = 0.0
-        if not slides[j] and turns.any() and odd.mean() < _GLITCHES:
+        if not slides[j] and turns.any() and odd.mean() < thresholds.OTHER_JUMPS:
             position = position if found else position.copy()
             position[1:, j] -= _TURN * np.cumsum(turns)
             found.append(name)
@@ -45,21 +38,23 @@ def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
     return replace(recording, position=position, remarks=(*recording.remarks, remark))
 
 
-def steadied(recording: Recording, speed: Array) -> Recording:
+def remove_glitches(recording: Recording, speed: Array) -> Recording:
     """A recording without samples whose position is far from the neighbours' but returns: lost packets, say.
 
     Far is more than the joint can move meanwhile at its ``speed`` [rad/s or m/s], (J,), and many times its
     usual steps. Jumps that stay, for more than four samples, are left for ``refuse_jumps``.
     """
-    time, position = recording.time, recording.position
+    time = recording.time
+    last, side = len(time) - 1, thresholds.JUMP_SAMPLES
     wrong: dict[str, Array] = {}
-    for name, q, limit in zip(recording.joint_names, position.T, speed.tolist()):
-        moved = np.abs(np.diff(q))
-        far = max(_FAR, _MANY * float(np.quantile(np.append(moved, 0.0), _OFTEN)))
+    for name, q, limit in zip(recording.joint_names, recording.position.T, speed.tolist()):
+        moved = np.append(np.abs(np.diff(q)), 0.0)
+        usual = float(np.quantile(moved, thresholds.GLITCH_QUANTILE))
+        far = max(thresholds.JUMP, thresholds.JUMP_STEPS * usual)
         jumps = np.flatnonzero(moved > far)
-        near = np.unique(np.clip(jumps[:, None] + np.arange(-_NEAR, _NEAR + 2), 0, len(q) - 1))
-        first = np.clip(near - _NEAR, 0, max(0, len(q) - 2 * _NEAR - 1))  # at the ends, the last few
-        around = np.minimum(first[:, None] + np.arange(2 * _NEAR + 1), len(q) - 1)
+        near = np.unique((jumps[:, None] + np.arange(-side, side + 2)).clip(0, last))
+        first = (near - side).clip(0, max(0, last - 2 * side))  # at the ends, the last few
+        around = np.minimum(first[:, None] + np.arange(2 * side + 1), last)
         meanwhile = np.ptp(time[around], 1) * (limit if np.isfinite(limit) else 0.0)
         off = np.abs(q[near] - np.median(q[around], 1))
         wrong[name] = near[off > np.maximum(far, meanwhile)]
@@ -74,17 +69,17 @@ def steadied(recording: Recording, speed: Array) -> Recording:
     return _only(recording, np.delete(np.arange(len(time)), rows), remark)
 
 
-def driven(recording: Recording) -> Recording:
+def remove_undriven(recording: Recording) -> Recording:
     """A recording without rows at rest in which no joint's torque or current changes: brakes hold the arm."""
     if recording.torque is recording.current is None:
         return recording
     time = recording.time
     kept = np.ones(len(time), dtype=bool)
     lost = 0.0
-    begins, ends = held(recording.signals()[recording.load])
-    long = np.flatnonzero(time[ends] - time[begins] >= _WITHOUT_DRIVES)
+    begins, ends = constant_ranges(recording.signals()[recording.load])
+    long = np.flatnonzero(time[ends] - time[begins] >= thresholds.DRIVES_OFF)
     for begin, end in zip(begins[long], ends[long]):
-        if np.ptp(recording.position[begin : end + 1], 0).max() < _AT_REST:
+        if np.ptp(recording.position[begin : end + 1], 0).max() < thresholds.MOVED:
             kept[begin : end + 1] = False
             lost += time[end] - time[begin]
     if kept.all() or not kept.any():
