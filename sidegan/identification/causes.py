@@ -9,7 +9,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.identification.disturbances import disturbances
-from sidegan.identification.estimate import estimate, score, shown
+from sidegan.identification.estimate import estimate, nmse_text, score
 from sidegan.identification.fit import constrained, least_residual
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
@@ -98,7 +98,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if not causes and gravity is None:
         causes += _differences(found)
     if gravity is not None:
-        gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
+        gravity += f"; mean nMSE would then be {nmse_text(error)} instead of {nmse_text(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, found.links) if identifiable[finding.joint]]
     faulty = any(cause.level != GOOD for cause in causes)
@@ -137,7 +137,7 @@ def _differences(found: IdentifiedArm) -> list[Finding]:
     if quality.verdict == BAD or placeholder_links(arm) or not arm.inertial_parameters.any():
         return []
     if quality.as_good(quality.nominal_score):
-        errors = f"mean nMSE {shown(described)} against {shown(quality.mean(quality.judged))}"
+        errors = f"mean nMSE {nmse_text(described)} against {nmse_text(quality.mean(quality.judged))}"
         whose = "the description is right: its own" if quality.verdict == GOOD else "the description's own"
         return [Finding(GOOD, f"{whose} links predict as well, with friction fitted ({errors})", leads=True)]
     if described < max(_DIFFERS * quality.mean(quality.judged), _NOTABLE_ERROR):
@@ -184,8 +184,8 @@ def _shifted(found: IdentifiedArm) -> str:
     error, now = _error_of(found, found.model, zeros), found.quality.judged.nmse_mean
     return (
         f"the encoder zero looks off: {listed(shifts)}; subtract this from the recorded positions, or "
-        f"correct the joint's origin in the description; mean nMSE would then be {shown(error)} instead of "
-        f"{shown(now)}"
+        f"correct the joint's origin in the description; mean nMSE would then be {nmse_text(error)} instead of "
+        f"{nmse_text(now)}"
     )
 
 
@@ -199,8 +199,8 @@ def _rotors(found: IdentifiedArm) -> str:
     if error >= _EXPLAINED * now:
         return ""
     return (
-        f"rotors explain the residuals: with model=motor_current the mean nMSE is {shown(error)} "
-        f"instead of {shown(now)}; are these torques measured at the motors?"
+        f"rotors explain the residuals: with model=motor_current the mean nMSE is {nmse_text(error)} "
+        f"instead of {nmse_text(now)}; are these torques measured at the motors?"
     )
 
 

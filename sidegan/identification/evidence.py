@@ -10,9 +10,9 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import ConfigError
-from sidegan.identification.effects import KINDS, PLACES, Effects
+from sidegan.identification.effects import EFFECT_KINDS, PLACES, Effects
 from sidegan.identification.fit import LEAST, gather, reweighted
-from sidegan.identification.measurements import Measurements, thinned
+from sidegan.identification.measurements import Measurements, subsample
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, solve
 
@@ -26,25 +26,25 @@ _ROUNDS = 8  # in which loads are computed anew
 _SETTLED = 1e-3  # change of loads at which they have converged, as a share of the torque
 _TINY = np.finfo(float).tiny
 
-Key: TypeAlias = tuple[int, str]  # a joint, and a kind of ``KINDS``
+Key: TypeAlias = tuple[int, str]  # a joint, and a kind of ``EFFECT_KINDS``
 
 
 class Effect(NamedTuple):
     """An effect that is a term of a model."""
 
     joint: int
-    kind: str  # of ``KINDS``
+    kind: str  # of ``EFFECT_KINDS``
     error: float  # the joint's squared error on data held out in turn, over that without the effect
 
     def sentence(self, joint: str) -> str:
         """What it buys, for a joint's name."""
         return (
-            f"{joint}: the model has {KINDS[self.kind].words}, which leaves {self.error:.0%} of the squared "
+            f"{joint}: the model has {EFFECT_KINDS[self.kind].words}, which leaves {self.error:.0%} of the squared "
             "error on data held out in turn"
         )
 
 
-class Found(NamedTuple):
+class ChosenEffects(NamedTuple):
     """Effects for a model, and what each buys."""
 
     effects: Effects | None
@@ -55,7 +55,7 @@ def effects_of(
     model: TorqueModel,
     recordings: Sequence[Sequence[Measurements]],
     wanted: Mapping[str, Sequence[str]] | None = None,
-) -> Found:
+) -> ChosenEffects:
     """Effects for a model without any: those for which recordings speak, or wanted kinds by joints' names.
 
     Recordings, or stretches of one, are held out in turn. Kinds are tried in all joints at once and judged
@@ -81,24 +81,24 @@ def effects_of(
     load = fit.parameters[: model.moved]
     for _ in range(_ROUNDS):
         usual = np.sqrt(np.maximum(_squares(plain, load), _TINY) / plain.weight)
-        every = Effects([*product(range(model.joints), KINDS)], load, usual)
+        every = Effects([*product(range(model.joints), EFFECT_KINDS)], load, usual)
         turns = _Turns(model, parts, every, fit.weights, better)
         before = chosen
         chosen = _chosen(turns, before) if wanted is None else before
         if not chosen:
-            return Found(None, [])
+            return ChosenEffects(None, [])
         change = turns.fitted(chosen, turns.whole)[: model.moved] - load
         load = load + change
         moved = np.sqrt((_squares(plain, change) / np.maximum(plain.energy, _TINY)).max())
         if chosen == before and (moved < _SETTLED or not any(kind == "load" for _, kind in chosen)):
             break
     each = [Effect(*key, turns.worth(key, chosen)) for key in sorted(chosen)]
-    return Found(Effects(sorted(chosen), load, usual), each)
+    return ChosenEffects(Effects(sorted(chosen), load, usual), each)
 
 
 def _parts(recordings: Sequence[Sequence[Measurements]]) -> list[Measurements]:
     """Samples of each recording, or of equal stretches of a single one."""
-    whole = [thinned(recording, _SAMPLES // len(recordings)) for recording in recordings]
+    whole = [subsample(recording, _SAMPLES // len(recordings)) for recording in recordings]
     if len(whole) > 1:
         return whole
     cuts = np.linspace(0, len(whole[0]), _STRETCHES + 1).astype(int).tolist()
@@ -165,7 +165,7 @@ def _chosen(turns: _Turns, chosen: list[Key]) -> list[Key]:
     while True:
         best = turns.errors(chosen)
         ratios: dict[Key, float] = {}
-        for kind in KINDS:
+        for kind in EFFECT_KINDS:
             new = [(j, kind) for j in joints if (j, kind) not in chosen]
             ratio = turns.errors([*chosen, *new]) / best
             clear = (ratio < 1).all(0) & (np.maximum(_mean(ratio), ratio[-1]) < turns.most(kind))

@@ -20,7 +20,7 @@ from sidegan.identification.fit import (
     torque_errors,
 )
 from sidegan.identification.identified import IdentifiedArm, measurements_of
-from sidegan.identification.measurements import Measurements, thinned
+from sidegan.identification.measurements import Measurements, subsample
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.payload import with_load
 from sidegan.identification.sums import Sums, sums_of
@@ -65,7 +65,7 @@ def shifted_zeros(model: TorqueModel, samples: Sequence[Measurements]) -> Array:
     Links and terms of the model are fitted anew with them. They are believed if they are significant and
     explain the residuals in both halves of the samples; those that links can make up for cannot be found.
     """
-    whole = thinned(samples, _SAMPLES)
+    whole = subsample(samples, _SAMPLES)
     first, deviation, _ = _fitted_zeros(model, whole, np.ones(model.joints, dtype=bool))
     clear = np.abs(first) > np.maximum(_NOTABLE_ZERO, _SURE * deviation)
     if not clear.any():
@@ -130,7 +130,7 @@ def tilted_gravity(model: TorqueModel, samples: Sequence[Measurements]) -> Array
     if not size > 0:
         return None
     across = np.linalg.svd(described[None])[2][1:]  # two directions at right angles to it, (2, 3)
-    whole = thinned(samples, _SAMPLES_OF_TILT)
+    whole = subsample(samples, _SAMPLES_OF_TILT)
     terms = model.regressor(*whole.inputs)[..., model.rigid :]
 
     def turned(tilt: Array) -> Array:
@@ -166,7 +166,7 @@ def coupled(model: TorqueModel, samples: Sequence[Measurements]) -> tuple[str, A
 
     With them, links and terms fitted anew leave far less, in both halves of the samples.
     """
-    whole = thinned(samples, _SAMPLES_OF_TILT)
+    whole = subsample(samples, _SAMPLES_OF_TILT)
     own = np.eye(model.joints)
     weights = reweighted(sums_of(model.regressor(*whole.inputs), whole.torque)).weights
 
@@ -266,7 +266,7 @@ def held_load(found: IdentifiedArm, recording: CheckedRecording) -> list[str]:
     cuts = np.linspace(0, len(time), _STRETCHES * _FINER + 1).astype(int).tolist()
     if len(time) < _LEAST_SAMPLES * len(cuts):
         return []
-    samples = thinned(whole, len(time))
+    samples = subsample(whole, len(time))
     loaded = [gather(extended, samples[begin:end]).sums for begin, end in pairwise(cuts)]
     free = [_only(x, count) for x in loaded]
     plain = reduce(Sums.plus, free)

@@ -13,7 +13,7 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
-from sidegan.identification.effects import KINDS, PLACES, forms
+from sidegan.identification.effects import EFFECT_KINDS, PLACES, forms
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.fit import spread_of
 from sidegan.identification.measurements import Measurements, Samples, pieces
@@ -175,13 +175,13 @@ def _explained(joint: _Normal, chance: float) -> tuple[list[tuple[str, float]], 
     reached = 0.0
     amounts = np.zeros_like(joint.right)
     while joint.energy > 0 and len(found) < _MOST:
-        left = {kind: places for kind, places in PLACES.items() if KINDS[kind].words not in found}
+        left = {kind: places for kind, places in PLACES.items() if EFFECT_KINDS[kind].words not in found}
         values = {kind: joint.by([*chosen, *places])[0] for kind, places in left.items()}
         best = max(values, key=values.__getitem__)
         share = (values[best] - reached) / float(joint.energy)
         if share < max(_LEAST, _CHANCE * chance * len(PLACES[best])):
             break
-        found[KINDS[best].words] = share
+        found[EFFECT_KINDS[best].words] = share
         chosen += PLACES[best]
         reached, amounts[chosen] = joint.by(chosen)
     return [*found.items()], amounts

@@ -17,7 +17,7 @@ from sidegan.base.parallel import Report
 from sidegan.design.excitation import excitation_of
 from sidegan.identification.estimate import score
 from sidegan.identification.fit import gather, least_residual, least_squares, reweighted
-from sidegan.identification.measurements import Measurements, disturbed, measure, pieces
+from sidegan.identification.measurements import Measurements, add_noise, exact_measurements, pieces
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.settings import StudySettings
 from sidegan.identification.sums import Sums, no_sums, sums_of, sums_of_draws
@@ -73,7 +73,7 @@ def measured_sums(
     sums = [no_sums(model.joints, model.count) for _ in generators]
     for batch in split(family[1], _TRAJECTORIES_AT_ONCE) if count else ():
         exact = _measured(body, (family[0], batch), settings.rate)
-        noisy = (disturbed(exact, settings.noise, generator, len(batch)) for generator in generators)
+        noisy = (add_noise(exact, settings.noise, generator, len(batch)) for generator in generators)
         if settings.noise.state:
             parts = [gather(model, draw).sums for draw in noisy]
         else:  # the draws share the regressor
@@ -130,7 +130,7 @@ def expected_errors(
 def _measured(body: RigidBody, family: MotionSet, rate: float) -> Measurements:
     """Exact measurements along all trajectories of a set, one after another."""
     trajectory, coefficients = family
-    return measure(body, trajectory.roll_out(coefficients, trajectory.times(rate)))
+    return exact_measurements(body, trajectory.roll_out(coefficients, trajectory.times(rate)))
 
 
 def _judged(

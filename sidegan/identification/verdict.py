@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.identification.estimate import Estimate, Score, shown
+from sidegan.identification.estimate import Estimate, Score, nmse_text
 from sidegan.robot import Arm
 
 
@@ -84,7 +84,7 @@ class Quality:
             joint = group[0].joint
             sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
         if self.verdict == GOOD:
-            error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
+            error = f"mean nMSE {nmse_text(self.judged.nmse_mean)} on {self.where}"
             sentences.append(f"{error}, and every parameter that matters is certain")
         return sentences
 

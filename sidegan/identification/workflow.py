@@ -98,7 +98,7 @@ def _judged(
         folds=turns.get(use),
         noise=np.all(noise, 0),
         copied=copied,
-        **compared(model, estimates[settings.method], held_out or samples),
+        **assess(model, estimates[settings.method], held_out or samples),
     )
     found = IdentifiedArm(
         model=model,
@@ -126,7 +126,7 @@ def cross_validated(
     return Score(*(np.stack(column) for column in zip(*rows)))
 
 
-def compared(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) -> dict[str, Any]:
+def assess(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) -> dict[str, Any]:
     """Effects of an estimate's errors on torques, and errors of the description's links on samples.
 
     As the fields of ``Quality``; friction, rotors and offsets are fitted to the description's links.

@@ -21,7 +21,7 @@ from sidegan.design.excitation import condition_of, information_of
 from sidegan.design.search import ConditionGoal
 from sidegan.design.selection import Selection, choose
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
-from sidegan.identification.goals import Prediction, Uncertain
+from sidegan.identification.goals import TorquePrediction, Uncertain
 from sidegan.library import LIBRARY, Library
 from sidegan.library.measure import measured
 from sidegan.motion.trajectory import Motion, Trajectory
@@ -142,7 +142,7 @@ class TrajectorySet:
             reasons.append(f"it uses {use:.0%} of the limits on motion")
         if not self.condition <= _CONDITION:
             reasons.append(f"its condition is {plain(self.condition)}")
-        if isinstance(self.aim, Uncertain) and isinstance(self.aim.purpose, Prediction):
+        if isinstance(self.aim, Uncertain) and isinstance(self.aim.purpose, TorquePrediction):
             error = np.sqrt(np.square(self.aim.deviations).mean())
             if not error <= _UNCERTAIN:
                 reasons.append(f"it leaves torques uncertain by {error:.0%} of their usual size")

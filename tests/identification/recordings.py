@@ -17,7 +17,7 @@ from sidegan.identification import (
 )
 from sidegan.identification.settings import GoalSettings, StudySettings
 from sidegan.identification.verdict import Quality
-from sidegan.identification.workflow import compared, identify_arm
+from sidegan.identification.workflow import assess, identify_arm
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording
 from tests.recording.conftest import moved, of_file
@@ -90,7 +90,7 @@ def judged(model, found, data, validation=None):
     train = score(model, found.parameters, data)
     tested = None if validation is None else score(model, found.parameters, validation)
     given = {"train": train, "held_out": tested, "where": "validation data", "folds": None}
-    given |= {"noise": np.zeros(model.joints, dtype=bool), **compared(model, found, validation or [data])}
+    given |= {"noise": np.zeros(model.joints, dtype=bool), **assess(model, found, validation or [data])}
     return Quality(arm=model.arm, estimate=found, **given)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from sidegan.errors import ConfigError
 from sidegan.identification import Measurements, TorqueModel, estimate
-from sidegan.identification.effects import KINDS, Effects
+from sidegan.identification.effects import EFFECT_KINDS, Effects
 from sidegan.identification.evidence import effects_of
 from sidegan.identification.verdict import BAD, GOOD
 from sidegan.report.identification import Origin, write_results
@@ -55,7 +55,9 @@ def squares(model, parameters, exact):
     return np.square(exact.torque - model.torque(parameters, *exact.states)).mean(0)
 
 
-PLANTED = {kind: ((1, kind),) for kind in KINDS} | {"three": ((0, "near_rest"), (1, "load"), (3, "position"))}
+PLANTED = {kind: ((1, kind),) for kind in EFFECT_KINDS} | {
+    "three": ((0, "near_rest"), (1, "load"), (3, "position"))
+}
 
 
 @pytest.mark.parametrize("chosen", PLANTED.values(), ids=PLANTED)

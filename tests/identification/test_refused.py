@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification import FULL, Measurements, estimate, measure, score
+from sidegan.identification import FULL, Measurements, estimate, exact_measurements, score
 from sidegan.identification.goals import unmeasured
 from sidegan.identification.payload import drive_gains
 from sidegan.motion.dynamics import RigidBody
@@ -41,7 +41,7 @@ def measurements(**changes):
 
 
 def measured_by(family, c):
-    return measure(RigidBody(PLANAR), family.roll_out(c, family.times(10.0)))
+    return exact_measurements(RigidBody(PLANAR), family.roll_out(c, family.times(10.0)))
 
 
 def gains():

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from sidegan.identification import Measurements, estimate
-from sidegan.identification.effects import KINDS, PLACES, forms
+from sidegan.identification.effects import EFFECT_KINDS, PLACES, forms
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.residuals import BIASED, find_unmodelled, is_noise
 from sidegan.identification.verdict import USABLE
@@ -148,8 +148,8 @@ def flawed(model):
 
 def test_each_kind_is_found_at_its_joint_and_nowhere_else(flawed):
     *_, found = flawed
-    assert [misfit.joint for misfit in found.found] == [*range(len(KINDS))]
-    assert [misfit.kind for misfit in found.found] == [kind.words for kind in KINDS.values()]
+    assert [misfit.joint for misfit in found.found] == [*range(len(EFFECT_KINDS))]
+    assert [misfit.kind for misfit in found.found] == [kind.words for kind in EFFECT_KINDS.values()]
     assert all(0.2 < misfit.share <= 1 for misfit in found.found)
 
 

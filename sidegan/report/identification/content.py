@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.names import listed
-from sidegan.identification.estimate import shown
+from sidegan.identification.estimate import nmse_text
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.payload import VALUES, values_of
 from sidegan.identification.verdict import BAD, Quality, joint_of
@@ -39,13 +39,13 @@ class Origin(NamedTuple):
 
 def headline(identified: IdentifiedArm) -> str:
     """The verdict, and the error that it is based on."""
-    error = shown(identified.tested[identified.use].nmse_mean)
+    error = nmse_text(identified.tested[identified.use].nmse_mean)
     return f"{identified.quality.verdict}: mean nMSE {error} ({identified.kind})"
 
 
 def advice(identified: IdentifiedArm) -> str:
     """Which model to use and why, and the error of the description, a sentence each."""
-    error = shown(identified.quality.nominal_score.nmse_mean)
+    error = nmse_text(identified.quality.nominal_score.nmse_mean)
     described = f"The description's own links, with friction fitted to the data, have a mean nMSE of {error}"
     return f"{_use(identified)} {described} on {identified.quality.where}."
 
@@ -65,7 +65,7 @@ def _use(identified: IdentifiedArm) -> str:
             "Use the consistent model, whose links are physically possible: nothing was held out to compare "
             f"it with the others. {_held(identified)}"
         )
-    consistent, other = (shown(identified.tested[name].nmse_mean) for name in (CONSISTENT, method))
+    consistent, other = (nmse_text(identified.tested[name].nmse_mean) for name in (CONSISTENT, method))
     compared = f"mean nMSE {consistent} against {other} of the {method} one, {identified.kind}"
     if use == CONSISTENT:
         return (
@@ -121,12 +121,12 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
 def facts(identified: IdentifiedArm) -> dict[str, str]:
     """Key figures at the top of the report."""
     quality, chosen, use = identified.quality, identified.chosen, identified.use
-    errors = {name: shown(score.nmse_mean) for name, score in identified.tested.items()}
+    errors = {name: nmse_text(score.nmse_mean) for name, score in identified.tested.items()}
     names = {name: _NAMES.get(name, name) for name in (chosen.method, EQUAL_WEIGHTS, CONSISTENT)}
     advised = use if quality.verdict != BAD else None
     return {
         **{f"nMSE, {name}" + " (use this)" * (key == advised): errors[key] for key, name in names.items()},
-        "nMSE, description": shown(quality.nominal_score.nmse_mean),
+        "nMSE, description": nmse_text(quality.nominal_score.nmse_mean),
         "condition number": f"{chosen.condition:.3g}",
         "parameters": f"{identified.model.count}, {len(quality.weak)} weak",
         "samples": f"{chosen.samples}",

@@ -76,7 +76,7 @@ def report_html(identified: IdentifiedArm, origin: Origin, files: Mapping[str, S
 
     return web_page(
         "identification/report.html.jinja",
-        {"number": number},
+        {"number": format_number},
         identified=identified,
         origin=origin,
         files=files,
@@ -89,7 +89,7 @@ def report_html(identified: IdentifiedArm, origin: Origin, files: Mapping[str, S
     )
 
 
-def number(value: float, digits: int = 4) -> str:
+def format_number(value: float, digits: int = 4) -> str:
     """A number as text: ``1.234``, ``1.2e-5``, or a dash if it is not finite."""
     if not math.isfinite(value):
         return "—"
