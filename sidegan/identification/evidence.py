@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import TINY, Array
 from sidegan.base.names import listed
 from sidegan.errors import ConfigError
 from sidegan.identification.effects import EFFECT_KINDS, PLACES, Effects
@@ -15,16 +15,13 @@ from sidegan.identification.fit import LEAST, gather, reweighted
 from sidegan.identification.measurements import Measurements, subsample
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, solve
+from sidegan.identification.thresholds import WITH_EFFECT, WITH_EFFECT_IN_ONE
 
 _STRETCHES = 4  # of a single recording, held out in turn
 _SAMPLES = 10_000  # enough to tell effects apart
-# Largest ratio of a joint's squared errors to those without an effect, on data held out and on all data: of
-# several recordings, and of stretches of one, which are too alike to tell what holds in other motions.
-_BETTER, _BETTER_IN_ONE = 0.95, 0.7
 _FORMS = 2  # parameters that may share this gain: an effect with four of them has to bring it twice
 _ROUNDS = 8  # in which loads are computed anew
 _SETTLED = 1e-3  # change of loads at which they have converged, as a share of the torque
-_TINY = np.finfo(float).tiny
 
 Key: TypeAlias = tuple[int, str]  # a joint, and a kind of ``EFFECT_KINDS``
 
@@ -39,8 +36,8 @@ class Effect(NamedTuple):
     def sentence(self, joint: str) -> str:
         """What it buys, for a joint's name."""
         return (
-            f"{joint}: the model has {EFFECT_KINDS[self.kind].words}, which leaves {self.error:.0%} of the squared "
-            "error on data held out in turn"
+            f"{joint}: the model has {EFFECT_KINDS[self.kind].words}, which leaves {self.error:.0%} of the "
+            "squared error on data held out in turn"
         )
 
 
@@ -75,12 +72,12 @@ def effects_of(
     named = [(joints.index(name), kind) for name, kinds in (wanted or {}).items() for kind in kinds]
     chosen = [*dict.fromkeys(named)]
     parts = _parts(recordings)
-    better = _BETTER if len(recordings) > 1 else _BETTER_IN_ONE
+    better = WITH_EFFECT if len(recordings) > 1 else WITH_EFFECT_IN_ONE
     plain = reduce(Sums.plus, [gather(model, part).sums for part in parts])
     fit = reweighted(plain)
     load = fit.parameters[: model.moved]
     for _ in range(_ROUNDS):
-        usual = np.sqrt(np.maximum(_squares(plain, load), _TINY) / plain.weight)
+        usual = np.sqrt(np.maximum(_squares(plain, load), TINY) / plain.weight)
         every = Effects([*product(range(model.joints), EFFECT_KINDS)], load, usual)
         turns = _Turns(model, parts, every, fit.weights, better)
         before = chosen
@@ -89,7 +86,7 @@ def effects_of(
             return ChosenEffects(None, [])
         change = turns.fitted(chosen, turns.whole)[: model.moved] - load
         load = load + change
-        moved = np.sqrt((_squares(plain, change) / np.maximum(plain.energy, _TINY)).max())
+        moved = np.sqrt((_squares(plain, change) / np.maximum(plain.energy, TINY)).max())
         if chosen == before and (moved < _SETTLED or not any(kind == "load" for _, kind in chosen)):
             break
     each = [Effect(*key, turns.worth(key, chosen)) for key in sorted(chosen)]
@@ -145,7 +142,7 @@ class _Turns:
         for part, learned in zip([*self.parts, self.whole], [*others, self.whole]):
             parameters = np.zeros(part.moment.shape[1])
             parameters[self.columns(chosen)] = self.fitted(chosen, learned)
-            rows.append(np.maximum(part.squares(parameters), _TINY))
+            rows.append(np.maximum(part.squares(parameters), TINY))
         return np.stack(rows)
 
     def worth(self, key: Key, chosen: Sequence[Key]) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 
 _CONSTANT = 1e-13  # share of the mean square: a smaller variance is rounding
+_SINGULAR = 1e-10  # a smaller share of the largest eigenvalue is rounding of an inverse
 _ROUNDING = 16  # an eigenvalue below 16 p ε of the largest is rounding of the sums, not information
 
 
@@ -95,7 +96,7 @@ def rows_of(information: Array, moment: Array) -> tuple[Array, Array]:
     return root[:, None] * vectors.T * scale, vectors.T @ (moment / scale) / root
 
 
-def scaled_inverse(information: Array, rtol: float) -> Array:
+def scaled_inverse(information: Array, rtol: float = _SINGULAR) -> Array:
     """Pseudo-inverse (P, P) of information, computed with columns scaled to unit length."""
     scaled, scale = _scaled(information)
     inverse = np.linalg.pinv(scaled, rtol=rtol, hermitian=True)

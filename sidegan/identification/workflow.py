@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from sidegan.base.arrays import geometric_mean
+from sidegan.base.arrays import TINY, geometric_mean
 from sidegan.errors import RecordingError
+from sidegan.identification import thresholds
 from sidegan.identification.causes import causes_of
 from sidegan.identification.estimate import Estimate, Score, estimate, score
 from sidegan.identification.evidence import effects_of
@@ -22,10 +23,6 @@ from sidegan.identification.verdict import BAD, USABLE, Finding, Quality
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm
-
-_AS_GOOD = 1.1  # largest ratio of nMSE to the other model's at which the consistent model is preferred
-_EFFECT = 0.1  # share of a joint's torque that one standard deviation of a weak parameter exceeds
-_PERFECT = 1e-4  # differences between nMSE below this do not count
 
 
 def identify_arm(
@@ -132,10 +129,10 @@ def assess(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) 
     As the fields of ``Quality``; friction, rotors and offsets are fitted to the description's links.
     """
     y = model.regressor(*model.usual_states())
-    usual = np.maximum(np.sqrt(np.square(y @ estimate.parameters).mean(0)), np.finfo(float).tiny)
+    usual = np.maximum(np.sqrt(np.square(y @ estimate.parameters).mean(0)), TINY)
     share = np.sqrt(np.square(y).mean(0)) / usual[:, None]  # effect of a unit of each parameter, (J, P)
     effect = share.max(0) * estimate.deviation
-    weak = [i for i in (-effect).argsort().tolist() if effect[i] > _EFFECT]
+    weak = [i for i in (-effect).argsort().tolist() if effect[i] > thresholds.WEAK]
     terms = np.eye(model.count)[:, model.rigid :]
     nominal, *_ = constrained(estimate.sums, estimate.weights, model.nominal, terms)
     return {
@@ -148,10 +145,10 @@ def assess(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) 
 
 def preferred(method: str, errors: Mapping[str, Score]) -> str:
     """The recommended method, by errors: the consistent one, unless the other is clearly better."""
-    return method if excess(method, errors) > _AS_GOOD else CONSISTENT
+    return method if excess(method, errors) > thresholds.AS_GOOD else CONSISTENT
 
 
 def excess(method: str, errors: Mapping[str, Score]) -> float:
     """Ratio of the consistent model's nMSE to that of another method, geometric mean over joints."""
-    consistent, other = (np.maximum(errors[name].nmse, _PERFECT) for name in (CONSISTENT, method))
+    consistent, other = (np.maximum(errors[name].nmse, thresholds.SAME_NMSE) for name in (CONSISTENT, method))
     return geometric_mean(consistent / other)
