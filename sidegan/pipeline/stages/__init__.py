@@ -60,8 +60,7 @@ _MODULES = {  # of stages that are not in a file of their own name
     "density": "discussion",
     "timing": "discussion",
     "check": "identify",
-    "payload": "identify",
-    "gains": "identify",
+    "gains": "payload",
 }
 
 
