@@ -115,13 +115,13 @@ def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score
     """
     if parameters.shape != (len(model.names),):
         raise ShapeError(f"parameters are {parameters.shape}, the model has {len(model.names)}")
-    each = pieces(measurements)
-    parts = [(part.torque, part.torque - model.torque(parameters, *part.inputs)) for part in each]
-    if not sum(len(torque) for torque, _ in parts):
+    parts = list(pieces(measurements))
+    if not parts:
         raise ShapeError("there are no samples to test with")
-    torque, residual = (np.concatenate(x) for x in zip(*parts))
+    torque = np.concatenate([part.torque for part in parts])
+    predicted = np.concatenate([model.torque(parameters, *part.inputs) for part in parts])
     variance = torque.var(0)
-    squares = np.square(residual).mean(0)
+    squares = np.square(torque - predicted).mean(0)
     constant = np.flatnonzero(np.sqrt(variance) <= _CONSTANT * np.abs(torque).max())
     if len(constant):
         raise ShapeError(f"the torque of joints {(constant + 1).tolist()} is constant: nMSE is not defined")

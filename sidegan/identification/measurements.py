@@ -2,17 +2,15 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.typed import NonNegative
 from sidegan.errors import ShapeError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
-
-if TYPE_CHECKING:
-    from sidegan.motion.dynamics import RigidBody
 
 SAMPLES_AT_ONCE = 4096  # per piece: the regressor of a 7-joint arm then takes 16 MB
 
@@ -97,7 +95,7 @@ class Noise:
         return not self.level or not (self.torque or self.state)
 
 
-def exact_measurements(body: "RigidBody", motion: Motion) -> Measurements:
+def exact_measurements(body: RigidBody, motion: Motion) -> Measurements:
     """Measurements, (B·T, J), without noise, of an arm that executes a motion (B, T, J) exactly.
 
     Raises:

@@ -46,24 +46,29 @@ def is_noise(
         for recording in recordings
         for segment in recording.segments
     ]
-    *sums, samples = zip(*residuals)
-    energy, expected, values = (np.stack(x).sum(0) for x in sums)
+    energy = np.sum([x.energy for x in residuals], 0)
+    expected = np.sum([x.expected for x in residuals], 0)
+    values = np.sum([x.values for x in residuals], 0)
     if (values < thresholds.LEAST_VALUES).any():
         return np.zeros(model.joints, dtype=bool)
     most = thresholds.EXPECTED_NOISE * scipy.stats.chi2.isf(thresholds.FALSE_ALARMS, values) / values
     as_large = energy <= most[:, None] * expected  # False where the noise is unknown (NaN)
-    return as_large.all(0) & _uncorrelated(np.concatenate(samples, 1))
+    return as_large.all(0) & _uncorrelated(np.concatenate([x.samples for x in residuals], 1))
+
+
+class _Residual(NamedTuple):
+    """Residual of a segment, in K bands."""
+
+    energy: Array  # (K, J)
+    expected: Array  # energy of noise and of the parameters' errors, (K, J)
+    values: Array  # number of independent values, (K,)
+    samples: Array  # independent ones of it, and of signals to sort it by, (5, N, J)
 
 
 def _residual(
     model: TorqueModel, parameters: Array, covariance: Array, segment: Segment, cutoff: float, noise: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Residual of a segment with a low-pass [Hz], and what noise of a density, (J,), is expected in it.
-
-    Returns:
-        Its energy in each band, (K, J), that of noise and of the parameters' errors, (K, J), the number of
-        independent values, (K,), and independent samples of it and of signals to sort it by, (5, N, J).
-    """
+) -> _Residual:
+    """Residual of a segment with a low-pass [Hz] and noise of a density, (J,)."""
     rate = 1 / float(segment.time[1] - segment.time[0])
     count = len(segment.time)
     predicted = []
@@ -83,7 +88,7 @@ def _residual(
     expected[0] += errors * unit * count / 2
     step = max(1, round(rate / (2 * cutoff)))
     samples = np.stack([residual, segment.position, segment.velocity, segment.acceleration, torque])
-    return inside @ power, expected, 2 * inside.sum(1) / _HANN, samples[:, ::step]
+    return _Residual(inside @ power, expected, 2 * inside.sum(1) / _HANN, samples[:, ::step])
 
 
 def _uncorrelated(samples: Array) -> Array:

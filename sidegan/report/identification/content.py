@@ -16,7 +16,6 @@ from sidegan.identification.workflow import excess
 from sidegan.recording.check import CheckedRecording
 
 _NAMED = 6  # joints or parameters in a sentence, at most
-_NAMES = {EQUAL_WEIGHTS: "equal weights"}  # labels of methods
 _UNITS = {
     **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
     **{"m": "kg", "I": "kg·m²", "Ia": "kg·m²"},
@@ -120,12 +119,14 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
 
 def facts(identified: IdentifiedArm) -> dict[str, str]:
     """Key figures at the top of the report."""
-    quality, chosen, use = identified.quality, identified.chosen, identified.use
-    errors = {name: nmse_text(score.nmse_mean) for name, score in identified.tested.items()}
-    names = {name: _NAMES.get(name, name) for name in (chosen.method, EQUAL_WEIGHTS, CONSISTENT)}
-    advised = use if quality.verdict != BAD else None
+    quality, chosen = identified.quality, identified.chosen
+    errors = {}
+    for method, score in identified.tested.items():
+        name = "equal weights" if method == EQUAL_WEIGHTS else method
+        advised = method == identified.use and quality.verdict != BAD
+        errors[f"nMSE, {name} (use this)" if advised else f"nMSE, {name}"] = nmse_text(score.nmse_mean)
     return {
-        **{f"nMSE, {name}" + " (use this)" * (key == advised): errors[key] for key, name in names.items()},
+        **errors,
         "nMSE, description": nmse_text(quality.nominal_score.nmse_mean),
         "condition number": f"{chosen.condition:.3g}",
         "parameters": f"{identified.model.count}, {len(quality.weak)} weak",

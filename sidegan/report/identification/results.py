@@ -43,7 +43,7 @@ _COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
 def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> None:
     """Write all results of an identification into a folder."""
     arm = identified.model.arm
-    urdf, mjcf = (f"{folder_name(arm.name)}.{end}" for end in ("urdf", "xml"))
+    urdf, mjcf = f"{folder_name(arm.name)}.urdf", f"{folder_name(arm.name)}.xml"
     numbers = model_numbers(identified)
     names = [recording.name for recording in identified.training]
     write_checks(identified.recordings, folder)
