@@ -60,49 +60,44 @@ def held_loads(misfit: Misfit) -> list[Finding]:
     return [Finding(USABLE, text) for text in texts if text]
 
 
+class _Fitted(NamedTuple):
+    """A model that was fitted with further columns in a part of the data."""
+
+    sums: Sums
+    fit: Fit
+    after: Array  # squared residuals of each joint, summed over samples, (J,)
+    remaining: float  # the same over those without the columns, mean over joints
+
+    @property
+    def explains(self) -> bool:
+        """Whether the columns explain the residuals, and the model the torques."""
+        left = geometric_mean(self.after / np.maximum(self.sums.energy, TINY))
+        return self.remaining < thresholds.EXPLAINED and left < thresholds.FITTING
+
+
 class _Partly:
     """A model whose further columns count in some parts of the data alone."""
 
     def __init__(self, extended: Extended, count: int, parts: Sequence[list[Measurements]]) -> None:
         self.extended, self.count = extended, count
         self.data = [gather(extended, part) for part in parts]
-        kept = np.arange(extended.count) < count
-        self.without = [
-            x.sums._replace(
-                information=x.sums.information * (kept[:, None] & kept), moment=x.sums.moment * kept
-            )
-            for x in self.data
-        ]
+        self.without = [data.sums.first(count) for data in self.data]
         plain = reduce(Sums.plus, self.without)
         self.before = np.maximum(plain.squares(reweighted(plain).parameters), TINY)
 
-    def fitted(self, begin: int, end: int) -> "_Fitted":
+    def fitted(self, begin: int, end: int) -> _Fitted:
         """The fit with the columns from one part until before another."""
         within = [data.sums for data in self.data[begin:end]]
         sums = reduce(Sums.plus, [*self.without[:begin], *within, *self.without[end:]])
         fit = reweighted(sums)
         after = np.maximum(sums.squares(fit.parameters), TINY)
-        left = geometric_mean(after / np.maximum(sums.energy, TINY))
-        return _Fitted(sums, fit, after, geometric_mean(after / self.before), left)
+        return _Fitted(sums, fit, after, geometric_mean(after / self.before))
 
-    def load(self, fitted: "_Fitted", samples: list[Measurements]) -> tuple[float, float]:
+    def load(self, fitted: _Fitted, samples: list[Measurements]) -> tuple[float, float]:
         """Mass of the load [kg] and its deviation, of samples that it is in."""
         errors = torque_errors(self.extended, Gathered(fitted.sums, samples), fitted.fit)
         variance = covariance_of(fitted.sums, fitted.fit, errors)[self.count, self.count]
         return fitted.fit.parameters[self.count], np.sqrt(variance)
-
-
-class _Fitted(NamedTuple):
-    sums: Sums
-    fit: Fit
-    after: Array  # squared residuals of each joint, summed over samples, (J,)
-    remaining: float  # the same over those without the columns, mean over joints
-    left: float  # the same over the torques' squares
-
-    @property
-    def explains(self) -> bool:
-        """Whether the columns explain the residuals, and the model the torques."""
-        return self.remaining < thresholds.EXPLAINED and self.left < thresholds.FITTING
 
 
 def _other_load(misfit: Misfit, partly: _Partly, fitted: _Fitted, k: int) -> str:

@@ -25,6 +25,12 @@ class Sums(NamedTuple):
         """Sums over both sets of samples."""
         return Sums(*(a + b for a, b in zip(self, other)))
 
+    def first(self, count: int) -> "Sums":
+        """Sums in which all but the first columns are zero."""
+        kept = np.arange(self.moment.shape[1]) < count
+        information = self.information * (kept[:, None] & kept)
+        return self._replace(information=information, moment=self.moment * kept)
+
     def weighted(self, weights: Array) -> tuple[Array, Array]:
         """Information (P, P) and moment (P,) of all joints, with joint j's equations times ``weights[j]``."""
         squares = np.square(weights)

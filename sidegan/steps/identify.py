@@ -161,13 +161,8 @@ def check_recordings(
 ) -> Checked:
     """Check and preprocess recordings of an arm; logs warnings about them.
 
-    Args:
-        cell: the arm in its cell; only its description is used.
-        recordings: as in ``identify``, like the next three.
-        validation: recordings or a share to hold out.
-        recording: contents of the files and their preprocessing.
-        gains: drive gains [N·m/A], (J,).
-        sign_width: velocity [rad/s or m/s] at which the smooth sign of Coulomb friction reaches 76 %.
+    Arguments are those of ``identify``, and ``sign_width``, the velocity [rad/s or m/s] at which the smooth
+    sign of Coulomb friction reaches 76 %.
 
     Returns:
         ``training`` and ``validation``, each with ``statistics``, ``segments`` and ``warnings``.
