@@ -17,8 +17,8 @@ from sidegan.identification.fit import (
     covariance_of,
     gather,
     residual_of,
-    reweighted,
     torque_errors,
+    weighted_least_squares,
 )
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.measurements import Measurements, pieces, subsample
@@ -83,13 +83,13 @@ class _Partly:
         self.data = [gather(extended, part) for part in parts]
         self.without = [data.sums.first(count) for data in self.data]
         plain = reduce(Sums.plus, self.without)
-        self.before = np.maximum(plain.squares(reweighted(plain).parameters), TINY)
+        self.before = np.maximum(plain.squares(weighted_least_squares(plain).parameters), TINY)
 
     def fitted(self, begin: int, end: int) -> _Fitted:
         """The fit with the columns from one part until before another."""
         within = [data.sums for data in self.data[begin:end]]
         sums = reduce(Sums.plus, [*self.without[:begin], *within, *self.without[end:]])
-        fit = reweighted(sums)
+        fit = weighted_least_squares(sums)
         after = np.maximum(sums.squares(fit.parameters), TINY)
         return _Fitted(sums, fit, after, geometric_mean(after / self.before))
 

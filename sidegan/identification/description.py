@@ -7,7 +7,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.identification import thresholds
 from sidegan.identification.estimate import nmse_text, score
-from sidegan.identification.fit import constrained, least_residual
+from sidegan.identification.fit import best_combination, least_residual
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.misfit import Misfit
 from sidegan.identification.sums import scaled_inverse
@@ -142,7 +142,7 @@ def _alone(misfit: Misfit, fixed: Array, columns: Array) -> tuple[Array, Array, 
     model, quality, found = misfit.model, misfit.quality, misfit.found
     certainty = np.minimum(found.chosen.certainty, 1 / least_residual(found.chosen.sums))
     free = np.concatenate([columns, np.eye(model.count)[:, model.rigid :]], 1)
-    parameters, weights, covariance = constrained(found.chosen.sums, certainty, fixed, free)
+    parameters, weights, covariance = best_combination(found.chosen.sums, certainty, fixed, free)
     errors = score(model, parameters, measurements_of(found.validation or found.training))
     if not quality.as_good(errors):
         return None

@@ -15,8 +15,8 @@ from sidegan.identification.fit import (
     covariance_of,
     gather,
     least_squares,
-    reweighted,
     torque_errors,
+    weighted_least_squares,
 )
 from sidegan.identification.measurements import Samples, pieces
 from sidegan.identification.model import TorqueModel
@@ -28,7 +28,7 @@ _LEAST_SHOWN = 1e-3  # smallest error with four decimals
 # Fit of samples, with the strength of the pull towards the description for methods that have one.
 ESTIMATORS: dict[str, Callable[[TorqueModel, Gathered, float | None], Fit]] = {
     "ols": lambda _model, data, _strength: least_squares(data.sums),
-    "weighted": lambda _model, data, _strength: reweighted(data.sums),
+    "weighted": lambda _model, data, _strength: weighted_least_squares(data.sums),
     "consistent": consistent,
 }
 

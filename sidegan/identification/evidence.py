@@ -11,7 +11,7 @@ from sidegan.base.arrays import TINY, Array
 from sidegan.base.names import listed
 from sidegan.errors import ConfigError
 from sidegan.identification.effects import EFFECT_KINDS, PLACES, Effects
-from sidegan.identification.fit import LEAST, gather, reweighted
+from sidegan.identification.fit import LEAST, gather, weighted_least_squares
 from sidegan.identification.measurements import Measurements, subsample
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, solve
@@ -74,7 +74,7 @@ def effects_of(
     parts = _parts(recordings)
     better = WITH_EFFECT if len(recordings) > 1 else WITH_EFFECT_IN_ONE
     plain = reduce(Sums.plus, [gather(model, part).sums for part in parts])
-    fit = reweighted(plain)
+    fit = weighted_least_squares(plain)
     load = fit.parameters[: model.moved]
     for _ in range(_ROUNDS):
         usual = np.sqrt(np.maximum(_squares(plain, load), TINY) / plain.weight)

@@ -110,7 +110,7 @@ class Fit(NamedTuple):
     errors: TorqueErrors | None = None  # None: those of these parameters' residuals
 
 
-def constrained(sums: Sums, weights: Array, fixed: Array, free: Array) -> tuple[Array, Array, Array]:
+def best_combination(sums: Sums, weights: Array, fixed: Array, free: Array) -> tuple[Array, Array, Array]:
     """Parameters (P,), fixed ones plus the best combination of free columns (P, K).
 
     Also its weights (K,), and their covariance (K, K) if ``weights`` are the inverse standard deviations of
@@ -135,7 +135,7 @@ def least_squares(sums: Sums, least: float = LEAST, weights: Array | None = None
     return Fit(parameters, inverse, weights, least * np.eye(len(parameters)))
 
 
-def reweighted(sums: Sums, least: float = LEAST) -> Fit:
+def weighted_least_squares(sums: Sums, least: float = LEAST) -> Fit:
     """Weighted least squares with weights 1 / residual of each joint, iterated until they converge.
 
     This maximises the likelihood for Gaussian errors with a variance per joint. With the usual single

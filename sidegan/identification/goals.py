@@ -190,7 +190,7 @@ class Uncertain:
         return geometric_mean(self.deviations / self.before)
 
 
-def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
+def uncertainty_of_description(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
     """Uncertainty of an arm with a description but no recordings."""
     model = TorqueModel(body, terms)
     usual = usual_torque(body)

@@ -17,7 +17,7 @@ from sidegan.identification.fit import (
     gather,
     inflation_of,
     residual_of,
-    reweighted,
+    weighted_least_squares,
 )
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
@@ -87,7 +87,7 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
     parts = _gathered(model, unloaded, loaded, tared=True)
     carrying = parts[1][1].sums
     sums = parts[0][1].sums.plus(carrying)
-    fit = reweighted(sums)
+    fit = weighted_least_squares(sums)
     residuals = [residual_of(extended, x, fit.parameters) for extended, data in parts for x in data.pieces]
     errors = TorqueErrors(sums.squares(fit.parameters) / sums.weight, inflation_of(residuals))
     covariance = covariance_of(sums, fit, errors)[-LOAD:, -LOAD:]

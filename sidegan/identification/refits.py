@@ -16,8 +16,8 @@ from sidegan.identification.fit import (
     covariance_of,
     gather,
     least_squares,
-    reweighted,
     torque_errors,
+    weighted_least_squares,
 )
 from sidegan.identification.measurements import Measurements, subsample
 from sidegan.identification.misfit import Misfit, shift_positions
@@ -125,12 +125,12 @@ def _fitted_zeros(model: TorqueModel, samples: Measurements, free: Array) -> tup
     joints = model.joints
     zeros = np.zeros(joints)
     plain = gather(model, samples).sums
-    parameters = reweighted(plain).parameters
+    parameters = weighted_least_squares(plain).parameters
     before = plain.squares(parameters)
     for _ in range(_ROUNDS):
         shifted = _with_zeros(model, parameters, free)
         data = gather(shifted, shift_positions([samples], zeros))
-        fit = reweighted(data.sums)
+        fit = weighted_least_squares(data.sums)
         parameters, change = fit.parameters[:-joints], _UNIT * fit.parameters[-joints:]
         zeros = zeros + np.clip(change, -_FARTHEST, _FARTHEST)
         if np.abs(change).max() < _SETTLED:
@@ -177,7 +177,7 @@ def tilted_gravity(model: TorqueModel, samples: Sequence[Measurements]) -> Array
         links = RigidBody(replace(model.arm, gravity=gravity)).regressor(*whole.states)
         y = np.concatenate([links, terms], 2)
         each = [sums_of(y[part], whole.torque[part]) for part in parts]
-        squares = [sums.squares(reweighted(sums).parameters) for sums in each]
+        squares = [sums.squares(weighted_least_squares(sums).parameters) for sums in each]
         return [float(np.log(np.maximum(x, _TINY)).mean()) for x in squares]
 
     found = scipy.optimize.minimize(
@@ -203,13 +203,13 @@ def coupled_joints(misfit: Misfit) -> list[Finding]:
     """
     model, names = misfit.model, misfit.arm.joint_names
     whole, own = subsample(misfit.samples, _SAMPLES_OF_TILT), np.eye(model.joints)
-    weights = reweighted(sums_of(model.regressor(*whole.inputs), whole.torque)).weights
+    weights = weighted_least_squares(sums_of(model.regressor(*whole.inputs), whole.torque)).weights
 
     def left(part: slice, motion: Array, torque: Array, weights: Array | None = None) -> float:
         """Logarithm of the squared residuals in a part of the samples, summed over joints."""
         inputs = whole.inputs if (motion == own).all() else [x @ motion.T for x in whole.states]
         sums = sums_of(model.regressor(*(x[part] for x in inputs)), whole.torque[part] @ torque.T)
-        fit = reweighted(sums) if weights is None else least_squares(sums, weights=weights)
+        fit = weighted_least_squares(sums) if weights is None else least_squares(sums, weights=weights)
         squares = np.log(np.maximum(sums.squares(fit.parameters), TINY))
         return float(squares.sum() - 2 * np.linalg.slogdet(torque)[1])  # whatever the units of torques
 

@@ -16,7 +16,7 @@ from sidegan.base.arrays import Array, split
 from sidegan.base.parallel import Report
 from sidegan.design.excitation import excitation_of
 from sidegan.identification.estimate import score
-from sidegan.identification.fit import gather, least_residual, least_squares, reweighted
+from sidegan.identification.fit import gather, least_residual, least_squares, weighted_least_squares
 from sidegan.identification.measurements import Measurements, add_noise, exact_measurements, pieces
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.settings import StudySettings
@@ -84,7 +84,7 @@ def measured_sums(
     return sums
 
 
-def combined(
+def combined_errors(
     body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: MotionSet, settings: StudySettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """As ``drawn_errors``, for named lists of sums to add up; without repeat, condition and duration."""
@@ -117,7 +117,7 @@ def expected_errors(
     rows: list[tuple[object, ...]] = []
     for weighted in () if noise.state and noise.level else (False, True):
         weights = np.ones_like(sums.energy)
-        if weighted:  # by the joint's noise, with the bound of ``reweighted``
+        if weighted:  # by the joint's noise, with the bound of ``weighted_least_squares``
             weights = 1 / np.maximum(np.sqrt(spread.energy / spread.weight), least_residual(sums))
         fit = least_squares(sums, 1 / settings.prior, weights)
         covariance = fit.inverse @ spread.weighted(np.square(weights))[0] @ fit.inverse
@@ -144,7 +144,7 @@ def _judged(
     truth = _measured(body, tests, settings.rate)
     errors, facts = [], []
     for keys, sums in each:
-        fits = [least_squares(sums, 1 / settings.prior), reweighted(sums, 1 / settings.prior)]
+        fits = [least_squares(sums, 1 / settings.prior), weighted_least_squares(sums, 1 / settings.prior)]
         for weighted, fit in enumerate(fits):
             nmse = score(model, fit.parameters, truth).nmse.tolist()
             columns = {"weighted": bool(weighted), "joint": model.arm.joint_names, "nmse": nmse}

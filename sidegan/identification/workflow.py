@@ -13,7 +13,7 @@ from sidegan.identification import thresholds
 from sidegan.identification.causes import causes_of
 from sidegan.identification.estimate import Estimate, Score, estimate, score
 from sidegan.identification.evidence import effects_of
-from sidegan.identification.fit import constrained, spread_of
+from sidegan.identification.fit import best_combination, spread_of
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
@@ -78,11 +78,11 @@ def _judged(
         kind = f"each of {len(training)} recordings, predicted from the others"
         where = "each recording by the others"
         each = [measurements_of([recording]) for recording in training]
-        turns = {method: cross_validated(method, model, each, strength) for method in estimates}
+        turns = {method: cross_validate(method, model, each, strength) for method in estimates}
         tested = {method: errors.pooled for method, errors in turns.items()}
     copied = next((x.copied for x in validation or training if x.copied), None)
     kind = "of the same run: nothing was held out" if copied else kind
-    use = CONSISTENT if tested is trained else preferred(settings.method, tested)
+    use = CONSISTENT if tested is trained else recommended_method(settings.method, tested)
     used = estimates[use]
     sets = [recordings for recordings in (training, validation) if recordings]
     noise = [is_noise(model, used.parameters, used.covariance, recordings) for recordings in sets]
@@ -112,7 +112,7 @@ def _judged(
     return replace(found, quality=replace(judged, causes=tuple(causes), other_gravity=gravity))
 
 
-def cross_validated(
+def cross_validate(
     method: str, model: TorqueModel, recordings: Sequence[list[Measurements]], strength: float | None = None
 ) -> Score:
     """Errors, (K, J), of predicting each of K recordings with the model identified from the others."""
@@ -134,7 +134,7 @@ def assess(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) 
     effect = share.max(0) * estimate.deviation
     weak = [i for i in (-effect).argsort().tolist() if effect[i] > thresholds.WEAK]
     terms = np.eye(model.count)[:, model.rigid :]
-    nominal, *_ = constrained(estimate.sums, estimate.weights, model.nominal, terms)
+    nominal, *_ = best_combination(estimate.sums, estimate.weights, model.nominal, terms)
     return {
         "nominal_score": score(model, nominal, samples),
         "torque_deviation": np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual,
@@ -143,12 +143,12 @@ def assess(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) 
     }
 
 
-def preferred(method: str, errors: Mapping[str, Score]) -> str:
+def recommended_method(method: str, errors: Mapping[str, Score]) -> str:
     """The recommended method, by errors: the consistent one, unless the other is clearly better."""
-    return method if excess(method, errors) > thresholds.AS_GOOD else CONSISTENT
+    return method if error_ratio(method, errors) > thresholds.AS_GOOD else CONSISTENT
 
 
-def excess(method: str, errors: Mapping[str, Score]) -> float:
+def error_ratio(method: str, errors: Mapping[str, Score]) -> float:
     """Ratio of the consistent model's nMSE to that of another method, geometric mean over joints."""
     consistent, other = (np.maximum(errors[name].nmse, thresholds.SAME_NMSE) for name in (CONSISTENT, method))
     return geometric_mean(consistent / other)

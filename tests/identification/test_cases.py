@@ -253,7 +253,7 @@ MISREAD = {  # how recordings differ, and what the reason names
     "turns": (recorded_as(0.5 / np.pi), "in turns"),
     "shares": (recorded_as(2 / SPAN, MIDDLE), "shares of it (−1 to 1)"),
     "motors": (recorded_as(RATIOS), "those of the motors"),
-    "from the horizontal": (counted, "joint_4", "joint_3"),
+    "from the horizontal": (counted, "joint_4", "joint_3", "'recording.coupling="),
     "a differential": (of_differential, "joint_5 and joint_6", "differential"),
     "a ratio": (of_ratio, "joint_5", "0.5 times that of joint_6"),
 }
@@ -311,7 +311,6 @@ ORDER = "'recording.joints=[2,4,5,1,7,3,6]' 'recording.pos"
 WARNED = {
     "another joint order": (in_order([3, 0, 5, 1, 2, 6, 4], *MOTION, "torque"), BAD, ORDER),
     "swapped motions": (in_order([0, 3, 2, 1, 4, 5, 6], *MOTION), BAD, "joint_2 and joint_4"),
-    "from the horizontal": (counted, BAD, "joint_4", "joint_3", "'recording.coupling="),
     "an axis": (turned_round, BAD, "axis of joint_4"),
     "half the pace": (slower, USABLE, "times as fast", "recording.rate"),
 }

@@ -13,7 +13,13 @@ from sidegan.design.objective import Objective
 from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import design_set
 from sidegan.identification import FULL, estimate
-from sidegan.identification.goals import Parameters, Tool, TorquePrediction, Uncertain, unmeasured
+from sidegan.identification.goals import (
+    Parameters,
+    Tool,
+    TorquePrediction,
+    Uncertain,
+    uncertainty_of_description,
+)
 from sidegan.identification.model import states_within
 from sidegan.identification.payload import with_load
 from sidegan.motion.trajectory import Trajectory
@@ -32,7 +38,7 @@ def problem(planar):
 
 
 def aim_of(problem, objective):
-    return unmeasured(problem.body, TERMS, replace(GOAL, objective=objective))
+    return uncertainty_of_description(problem.body, TERMS, replace(GOAL, objective=objective))
 
 
 def known_and_motion(model, seed, samples=200):

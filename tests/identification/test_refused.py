@@ -7,7 +7,7 @@ import pytest
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import FULL, Measurements, estimate, exact_measurements, score
-from sidegan.identification.goals import unmeasured
+from sidegan.identification.goals import uncertainty_of_description
 from sidegan.identification.payload import drive_gains
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -50,7 +50,7 @@ def gains():
 
 
 def goal(**changes):
-    return unmeasured(RigidBody(PLANAR), FULL, replace(GOAL, **changes))
+    return uncertainty_of_description(RigidBody(PLANAR), FULL, replace(GOAL, **changes))
 
 
 # Kind of error, what it names, and what is refused.

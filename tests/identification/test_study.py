@@ -67,7 +67,7 @@ def test_summed_sets_identify_like_the_union(body, families):
         study.measured_sums(body, sets[name], exact, [random], lambda *_: None)
         for name in ("seeds", "long-6")
     )
-    results, facts = study.combined(body, {"one": [seeds], "both": [seeds, long]}, tests, exact)
+    results, facts = study.combined_errors(body, {"one": [seeds], "both": [seeds, long]}, tests, exact)
     assert results.nmse.max() < 1e-8 and len(results) == 2 * 2 * 2
     facts = facts.set_index("set")
     assert facts.samples.to_dict() == {"one": 322, "both": 322 + 321}

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -10,9 +11,19 @@ from sidegan.identification import EstimationSettings, Terms, estimate, threshol
 from sidegan.identification.estimate import Score, score
 from sidegan.identification.identified import CONSISTENT, measurements_of
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding
-from sidegan.identification.workflow import cross_validated, identify_arm, preferred
+from sidegan.identification.workflow import cross_validate, identify_arm, recommended_method
+from sidegan.report.identification import Origin, write_results
 from sidegan.report.identification.content import advice
-from tests.identification.recordings import checked, half_still, identified, judged, model_of, recorded
+from tests.identification.recordings import (
+    checked,
+    half_still,
+    identified,
+    judged,
+    model_of,
+    recorded,
+    white,
+)
+from tests.pipeline.test_identify import python_class
 from tests.refusals import refused
 
 NOISE = 0.3
@@ -41,7 +52,7 @@ class TestScore:
         for k, held_out in enumerate(recordings):
             parameters = estimate("weighted", model, recordings[:k] + recordings[k + 1 :]).parameters
             each.append(score(model, parameters, held_out).nmse)
-        found = cross_validated("weighted", model, [[recording] for recording in recordings])
+        found = cross_validate("weighted", model, [[recording] for recording in recordings])
         np.testing.assert_allclose(found.nmse, each)
         np.testing.assert_allclose(found.pooled.nmse, np.mean(each, 0))
 
@@ -214,11 +225,11 @@ def test_the_consistent_model_is_preferred_unless_clearly_worse():
     one_joint = np.array([1.25, 0.95, 0.95])  # decides the mean, and nothing else
     for factor, use in ((1.09, CONSISTENT), (1.11, "weighted"), (one_joint, CONSISTENT)):
         tested = {"weighted": Score(errors, errors), CONSISTENT: Score(factor * errors, errors)}
-        assert preferred("weighted", tested) == use
+        assert recommended_method("weighted", tested) == use
 
 
-def test_the_weighted_model_is_used_if_it_predicts_better(planar):
-    """The true arm's second link has a moment of inertia below zero."""
+def test_the_weighted_model_is_used_if_it_predicts_better(planar, tmp_path):
+    """The true arm's second link has a moment of inertia below zero, as unmodelled effects may look."""
     links = planar.inertial_parameters.copy()
     links[1, 4:] *= -2
     strange = [checked(planar, seed, replace(planar, inertial_parameters=links)) for seed in (0, 1)]
@@ -227,9 +238,15 @@ def test_the_weighted_model_is_used_if_it_predicts_better(planar):
     assert result.use == "weighted" and errors["weighted"] < errors[CONSISTENT] / 1.1
     assert f"{errors[CONSISTENT]:.4f}" in advice(result)
     assert result.quality.judged is result.tested["weighted"]
-    used = result.used_standard
-    np.testing.assert_allclose(result.model.mapping @ used, result.estimates["weighted"].parameters)
+    used, weighted = result.used_standard, result.estimates["weighted"].parameters
+    np.testing.assert_allclose(result.model.mapping @ used, weighted)
     assert not np.allclose(used, result.standard)
+    write_results(result, Origin("", "", {}), tmp_path)
+    states = white((3, 20, 2), 1)
+    torque = result.model.torque(weighted, *states)
+    np.testing.assert_allclose(python_class(tmp_path).torque(*states), torque, rtol=0, atol=1e-9)  # N·m
+    assert "Method: weighted" in (tmp_path / "arm.h").read_text()
+    mujoco.MjModel.from_xml_path(str(tmp_path / "planar2.xml"))  # of the consistent one: it exists
 
 
 @pytest.mark.parametrize("kinds", [("viscous",), ("viscous", "coulomb")])

@@ -12,7 +12,7 @@ from sidegan.identification.estimate import nmse_text
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.payload import VALUES, values_of
 from sidegan.identification.verdict import BAD, Quality, joint_of
-from sidegan.identification.workflow import excess
+from sidegan.identification.workflow import error_ratio
 from sidegan.recording.check import CheckedRecording
 
 _NAMED = 6  # joints or parameters in a sentence, at most
@@ -71,7 +71,7 @@ def _use(identified: IdentifiedArm) -> str:
             "Use the consistent model: physically possible links predict as well or better "
             f"({compared}). {_held(identified)}"
         )
-    worse = excess(method, identified.tested)
+    worse = error_ratio(method, identified.tested)
     return (
         f"Use the {method} model, which is in the Python class and the C header: no physically possible "
         f"links predict as well, their nMSE is {worse:.2g} times as large, geometric mean over joints "
