@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 def model(run: RunContext) -> Artifact:
     """The model identified from the configured recordings."""
     cfg = run.cfg
-    arm = recorded_arm(run)
+    arm = configured_arm(run)
     files = _files("recordings", cfg.recordings) | _files("validation", cfg.held_out)
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
     sent = [] if cfg.recording.sent is None else commanded_files(Path(cfg.recording.sent))
@@ -71,7 +71,7 @@ def _digest(path: Path) -> str:
     return digest.hexdigest()
 
 
-def recorded_arm(run: RunContext) -> Arm:
+def configured_arm(run: RunContext) -> Arm:
     """The recorded arm; joints that stand still and have no recorded torque are locked."""
     cfg = run.cfg
     if not cfg.robot.name:
@@ -133,11 +133,11 @@ def _show_check(run: RunContext, tracker: Tracker) -> None:
 
 
 def _warn_doubtful_links(run: RunContext) -> None:
-    if doubtful := describe_doubtful_links(recorded_arm(run)):
+    if doubtful := describe_doubtful_links(configured_arm(run)):
         log.warning("%s; identification starts from the nearest possible ones", doubtful)
 
 
 STAGES = {
-    "check": Stage(show=_show_check, check=recorded_arm),
+    "check": Stage(show=_show_check, check=configured_arm),
     "identify": Stage(lambda run: [model(run)], _show, _warn_doubtful_links),
 }

@@ -14,7 +14,7 @@ from sidegan.identification.payload import VALUES, drive_gains, identify_payload
 from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import Stage
-from sidegan.pipeline.stages.identify import recorded_arm
+from sidegan.pipeline.stages.identify import configured_arm
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.check import CheckedRecording
 from sidegan.recording.settings import RecordingSettings
@@ -39,7 +39,7 @@ def _checked(
 def _show_payload(run: RunContext, tracker: Tracker) -> None:
     """Identify the load, and write it to the run's folder: SI units, inertia about the centre of mass."""
     cfg, folder = run.cfg, run.store.run_folder
-    arm = recorded_arm(run)
+    arm = configured_arm(run)
     unloaded, loaded = map(measurements_of, _checked(run, arm, cfg.recording, cfg.robot.gains))
     found = identify_payload(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded)
     values, deviation = found.values.tolist(), found.deviation.tolist()
@@ -73,7 +73,7 @@ def _show_payload(run: RunContext, tracker: Tracker) -> None:
 def _show_gains(run: RunContext, tracker: Tracker) -> None:
     """Identify the gains, and write them to the run's folder; log them as a setting if all are certain."""
     cfg, folder = run.cfg, run.store.run_folder
-    arm = recorded_arm(run)
+    arm = configured_arm(run)
     currents = replace(cfg.recording, torque=None)
     parts = _checked(run, arm, currents, [1.0] * arm.joints)  # unit gains: "torques" are currents
     against = [np.any([x.agreement.runs_against() for x in part], 0) for part in parts]
@@ -93,6 +93,6 @@ def _show_gains(run: RunContext, tracker: Tracker) -> None:
 
 
 STAGES = {
-    "payload": Stage(show=_show_payload, check=recorded_arm),
-    "gains": Stage(show=_show_gains, check=lambda run: (recorded_arm(run), run.cfg.load.parameters)),
+    "payload": Stage(show=_show_payload, check=configured_arm),
+    "gains": Stage(show=_show_gains, check=lambda run: (configured_arm(run), run.cfg.load.parameters)),
 }
