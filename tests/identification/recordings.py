@@ -15,6 +15,7 @@ from sidegan.identification import (
     estimate,
     score,
 )
+from sidegan.identification.effects import Effects
 from sidegan.identification.settings import GoalSettings, StudySettings
 from sidegan.identification.verdict import Quality
 from sidegan.identification.workflow import assess, identify_arm
@@ -63,6 +64,15 @@ def measured(model, states, noise=0.0, seed=0):
 
 def recorded(model, samples=1500, noise=0.0, seed=0):
     return measured(model, multisine(model.joints, samples, seed), noise, seed)
+
+
+def planted(model, chosen, size):
+    """The model with effects of a size [N·m] on single joints, and its true parameters."""
+    load = truth_of(model)[: model.moved]
+    rigid = model.regressor(*multisine(model.joints, 1000))[..., : model.moved] @ load
+    effects = Effects(sorted(chosen), load, np.sqrt(np.square(rigid).mean(0)))
+    true = TorqueModel(model.body, model.terms, effects)
+    return true, np.append(truth_of(model), np.full(true.count - model.count, size))
 
 
 def checked(arm, seed, truth=None, change=None, seconds=15, rate=200, friction=(VISCOUS, COULOMB), **motion):
