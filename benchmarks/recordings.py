@@ -41,7 +41,7 @@ from sidegan.base.typed import build, settings_of
 from sidegan.errors import ConfigError
 from sidegan.identification import Measurements
 from sidegan.identification.identified import measurements_of
-from sidegan.identification.measurements import thinned
+from sidegan.identification.measurements import subsample
 from sidegan.report.export import markdown
 from sidegan.robot import Arm
 from sidegan.steps.identify import Checked, identified
@@ -75,7 +75,7 @@ class Recorded(NamedTuple):
     def samples(self) -> list[Measurements]:
         """All samples to identify from, and all to test with."""
         groups = self.checked.training, self.checked.validation
-        return [thinned(measurements_of(recordings), sys.maxsize) for recordings in groups]
+        return [subsample(measurements_of(recordings), sys.maxsize) for recordings in groups]
 
 
 def load(path: Path) -> Recorded:

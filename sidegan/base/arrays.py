@@ -11,6 +11,8 @@ from sidegan.errors import ShapeError
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
+TINY = float(np.finfo(float).tiny)  # smallest normal number: keeps quotients and logarithms finite
+
 
 def numbers(given: ArrayLike, name: str) -> Array:
     """What a user gives as numbers, in float64; a ShapeError that names it if they are none."""

@@ -1,7 +1,7 @@
 """Identify an arm's model and its uncertainty from simulated or recorded measurements."""
 
 from sidegan.identification.estimate import estimate, score
-from sidegan.identification.measurements import Measurements, Noise, disturbed, measure
+from sidegan.identification.measurements import Measurements, Noise, add_noise, exact_measurements
 from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
 from sidegan.identification.settings import (
     EstimationSettings,
@@ -23,8 +23,8 @@ __all__ = [
     "StudySettings",
     "Terms",
     "TorqueModel",
-    "disturbed",
+    "add_noise",
     "estimate",
-    "measure",
+    "exact_measurements",
     "score",
 ]

@@ -11,7 +11,7 @@ import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array, geometric_mean
 from sidegan.errors import InfeasibleError
-from sidegan.identification.fit import LEAST, Fit, Gathered, reweighted, torque_errors
+from sidegan.identification.fit import LEAST, Fit, Gathered, torque_errors, weighted_least_squares
 from sidegan.identification.model import TorqueModel, scales
 from sidegan.identification.sums import rows_of, solve
 from sidegan.robot import possible_links
@@ -48,17 +48,17 @@ def consistent(model: TorqueModel, data: Gathered, strength: float | None = None
     Source: Wensing et al. 2018; Sousa, Cortesão 2014; Lee, Wensing, Park 2020, Geometric robot dynamic
     identification: a convex programming approach, eq. 22.
     """
-    first = reweighted(data.sums)
+    first = weighted_least_squares(data.sums)
     errors = torque_errors(model, data, first)
     weights = first.weights / np.sqrt(errors.inflation)  # as independent samples, to compare with the pull
     information, moment = data.sums.weighted(weights)
-    standard, pull = pulled(model, information, moment, strength)
+    standard, pull = fit_with_pull(model, information, moment, strength)
     prior = _pull_information(model, standard, pull)
     _, inverse = solve(information + prior, moment, LEAST)
     return Fit(model.mapping @ standard, inverse, weights, prior, standard, errors)
 
 
-def pulled(
+def fit_with_pull(
     model: TorqueModel, information: Array, moment: Array, strength: float | None = None
 ) -> "tuple[Array, Pull]":
     """Most likely parameters from weighted Σ Yᵀ Y and Σ Yᵀ τ, and the pull on each link.

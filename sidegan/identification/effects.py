@@ -23,7 +23,7 @@ class Kind(NamedTuple):
     letters: tuple[str, ...]  # of the parameters' names
 
 
-KINDS: dict[str, Kind] = {
+EFFECT_KINDS: dict[str, Kind] = {
     "near_rest": Kind("friction near rest", ("sa", "sb")),
     "load": Kind("friction that grows with the load", ("fl",)),
     "nonlinear_viscous": Kind("nonlinear viscous friction", ("fr",)),
@@ -32,8 +32,8 @@ KINDS: dict[str, Kind] = {
     "position": Kind("torque that depends on the position", ("ka", "kb", "kc", "kd")),
     "ripple": Kind("ripple", ("wa", "wb", "wc", "wd")),
 }
-_ENDS = np.cumsum([len(kind.letters) for kind in KINDS.values()]).tolist()
-PLACES = {name: range(end - len(kind.letters), end) for (name, kind), end in zip(KINDS.items(), _ENDS)}
+_ENDS = np.cumsum([len(kind.letters) for kind in EFFECT_KINDS.values()]).tolist()
+PLACES = {name: range(end - len(kind.letters), end) for (name, kind), end in zip(EFFECT_KINDS.items(), _ENDS)}
 
 
 def forms(q: Array, dq: Array, sign: Array, load: Array) -> Array:
@@ -56,7 +56,7 @@ class Effects(NamedTuple):
     stays linear in its own.
     """
 
-    chosen: Sequence[tuple[int, str]]  # joint and kind, of ``KINDS``
+    chosen: Sequence[tuple[int, str]]  # joint and kind, of ``EFFECT_KINDS``
     load: Array  # values of the first of the model's P parameters
     usual: Array  # usual load [N·m or N], (J,)
 
@@ -68,4 +68,4 @@ class Effects(NamedTuple):
     @property
     def names(self) -> list[str]:
         """Names of the parameters, such as "fl2"."""
-        return [f"{letter}{j + 1}" for j, kind in self.chosen for letter in KINDS[kind].letters]
+        return [f"{letter}{j + 1}" for j, kind in self.chosen for letter in EFFECT_KINDS[kind].letters]

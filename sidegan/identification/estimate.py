@@ -15,8 +15,8 @@ from sidegan.identification.fit import (
     covariance_of,
     gather,
     least_squares,
-    reweighted,
     torque_errors,
+    weighted_least_squares,
 )
 from sidegan.identification.measurements import Samples, pieces
 from sidegan.identification.model import TorqueModel
@@ -26,9 +26,9 @@ _CONSTANT = 1e-12  # of the largest torque: a smaller deviation is rounding, not
 _LEAST_SHOWN = 1e-3  # smallest error with four decimals
 
 # Fit of samples, with the strength of the pull towards the description for methods that have one.
-METHODS: dict[str, Callable[[TorqueModel, Gathered, float | None], Fit]] = {
+ESTIMATORS: dict[str, Callable[[TorqueModel, Gathered, float | None], Fit]] = {
     "ols": lambda _model, data, _strength: least_squares(data.sums),
-    "weighted": lambda _model, data, _strength: reweighted(data.sums),
+    "weighted": lambda _model, data, _strength: weighted_least_squares(data.sums),
     "consistent": consistent,
 }
 
@@ -37,7 +37,7 @@ METHODS: dict[str, Callable[[TorqueModel, Gathered, float | None], Fit]] = {
 class Estimate:
     """Estimated parameters of a model and their errors."""
 
-    method: str  # of ``METHODS``
+    method: str  # of ``ESTIMATORS``
     names: tuple[str, ...]  # of the parameters, (P,)
     parameters: Array  # θ, (P,)
     covariance: Array  # of the parameters, (P, P), due to torque errors; errors of states are not included
@@ -63,17 +63,17 @@ class Estimate:
 def estimate(
     method: str, model: TorqueModel, measurements: Samples, strength: float | None = None
 ) -> Estimate:
-    """Parameters of a model from one or several recordings, by one of ``METHODS``.
+    """Parameters of a model from one or several recordings, by one of ``ESTIMATORS``.
 
     ``strength`` is that of ``consistent``'s pull.
 
     Raises:
         ConfigError: when the method is unknown.
     """
-    if method not in METHODS:
-        raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
+    if method not in ESTIMATORS:
+        raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(ESTIMATORS)}")
     data = gather(model, measurements)
-    fit = METHODS[method](model, data, strength)
+    fit = ESTIMATORS[method](model, data, strength)
     errors = fit.errors or torque_errors(model, data, fit)
     excited = len(model.names) - (len(model.effects.names) if model.effects else 0)
     return Estimate(
@@ -115,19 +115,19 @@ def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score
     """
     if parameters.shape != (len(model.names),):
         raise ShapeError(f"parameters are {parameters.shape}, the model has {len(model.names)}")
-    each = pieces(measurements)
-    parts = [(part.torque, part.torque - model.torque(parameters, *part.inputs)) for part in each]
-    if not sum(len(torque) for torque, _ in parts):
+    parts = list(pieces(measurements))
+    if not parts:
         raise ShapeError("there are no samples to test with")
-    torque, residual = (np.concatenate(x) for x in zip(*parts))
+    torque = np.concatenate([part.torque for part in parts])
+    predicted = np.concatenate([model.torque(parameters, *part.inputs) for part in parts])
     variance = torque.var(0)
-    squares = np.square(residual).mean(0)
+    squares = np.square(torque - predicted).mean(0)
     constant = np.flatnonzero(np.sqrt(variance) <= _CONSTANT * np.abs(torque).max())
     if len(constant):
         raise ShapeError(f"the torque of joints {(constant + 1).tolist()} is constant: nMSE is not defined")
     return Score(squares / variance, np.sqrt(squares))
 
 
-def shown(nmse: float) -> str:
+def nmse_text(nmse: float) -> str:
     """A mean nMSE as text: four decimals, or two significant digits if it is small."""
     return f"{nmse:.4f}" if nmse >= _LEAST_SHOWN else f"{nmse:.2g}"

@@ -7,44 +7,41 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import TINY, Array
 from sidegan.base.names import listed
 from sidegan.errors import ConfigError
-from sidegan.identification.effects import KINDS, PLACES, Effects
-from sidegan.identification.fit import LEAST, gather, reweighted
-from sidegan.identification.measurements import Measurements, thinned
+from sidegan.identification.effects import EFFECT_KINDS, PLACES, Effects
+from sidegan.identification.fit import LEAST, gather, weighted_least_squares
+from sidegan.identification.measurements import Measurements, subsample
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, solve
+from sidegan.identification.thresholds import WITH_EFFECT, WITH_EFFECT_IN_ONE
 
 _STRETCHES = 4  # of a single recording, held out in turn
 _SAMPLES = 10_000  # enough to tell effects apart
-# Largest ratio of a joint's squared errors to those without an effect, on data held out and on all data: of
-# several recordings, and of stretches of one, which are too alike to tell what holds in other motions.
-_BETTER, _BETTER_IN_ONE = 0.95, 0.7
 _FORMS = 2  # parameters that may share this gain: an effect with four of them has to bring it twice
 _ROUNDS = 8  # in which loads are computed anew
 _SETTLED = 1e-3  # change of loads at which they have converged, as a share of the torque
-_TINY = np.finfo(float).tiny
 
-Key: TypeAlias = tuple[int, str]  # a joint, and a kind of ``KINDS``
+Key: TypeAlias = tuple[int, str]  # a joint, and a kind of ``EFFECT_KINDS``
 
 
 class Effect(NamedTuple):
     """An effect that is a term of a model."""
 
     joint: int
-    kind: str  # of ``KINDS``
+    kind: str  # of ``EFFECT_KINDS``
     error: float  # the joint's squared error on data held out in turn, over that without the effect
 
     def sentence(self, joint: str) -> str:
         """What it buys, for a joint's name."""
         return (
-            f"{joint}: the model has {KINDS[self.kind].words}, which leaves {self.error:.0%} of the squared "
-            "error on data held out in turn"
+            f"{joint}: the model has {EFFECT_KINDS[self.kind].words}, which leaves {self.error:.0%} of the "
+            "squared error on data held out in turn"
         )
 
 
-class Found(NamedTuple):
+class ChosenEffects(NamedTuple):
     """Effects for a model, and what each buys."""
 
     effects: Effects | None
@@ -55,7 +52,7 @@ def effects_of(
     model: TorqueModel,
     recordings: Sequence[Sequence[Measurements]],
     wanted: Mapping[str, Sequence[str]] | None = None,
-) -> Found:
+) -> ChosenEffects:
     """Effects for a model without any: those for which recordings speak, or wanted kinds by joints' names.
 
     Recordings, or stretches of one, are held out in turn. Kinds are tried in all joints at once and judged
@@ -75,30 +72,30 @@ def effects_of(
     named = [(joints.index(name), kind) for name, kinds in (wanted or {}).items() for kind in kinds]
     chosen = [*dict.fromkeys(named)]
     parts = _parts(recordings)
-    better = _BETTER if len(recordings) > 1 else _BETTER_IN_ONE
+    better = WITH_EFFECT if len(recordings) > 1 else WITH_EFFECT_IN_ONE
     plain = reduce(Sums.plus, [gather(model, part).sums for part in parts])
-    fit = reweighted(plain)
+    fit = weighted_least_squares(plain)
     load = fit.parameters[: model.moved]
     for _ in range(_ROUNDS):
-        usual = np.sqrt(np.maximum(_squares(plain, load), _TINY) / plain.weight)
-        every = Effects([*product(range(model.joints), KINDS)], load, usual)
+        usual = np.sqrt(np.maximum(_squares(plain, load), TINY) / plain.weight)
+        every = Effects([*product(range(model.joints), EFFECT_KINDS)], load, usual)
         turns = _Turns(model, parts, every, fit.weights, better)
         before = chosen
         chosen = _chosen(turns, before) if wanted is None else before
         if not chosen:
-            return Found(None, [])
+            return ChosenEffects(None, [])
         change = turns.fitted(chosen, turns.whole)[: model.moved] - load
         load = load + change
-        moved = np.sqrt((_squares(plain, change) / np.maximum(plain.energy, _TINY)).max())
+        moved = np.sqrt((_squares(plain, change) / np.maximum(plain.energy, TINY)).max())
         if chosen == before and (moved < _SETTLED or not any(kind == "load" for _, kind in chosen)):
             break
     each = [Effect(*key, turns.worth(key, chosen)) for key in sorted(chosen)]
-    return Found(Effects(sorted(chosen), load, usual), each)
+    return ChosenEffects(Effects(sorted(chosen), load, usual), each)
 
 
 def _parts(recordings: Sequence[Sequence[Measurements]]) -> list[Measurements]:
     """Samples of each recording, or of equal stretches of a single one."""
-    whole = [thinned(recording, _SAMPLES // len(recordings)) for recording in recordings]
+    whole = [subsample(recording, _SAMPLES // len(recordings)) for recording in recordings]
     if len(whole) > 1:
         return whole
     cuts = np.linspace(0, len(whole[0]), _STRETCHES + 1).astype(int).tolist()
@@ -145,7 +142,7 @@ class _Turns:
         for part, learned in zip([*self.parts, self.whole], [*others, self.whole]):
             parameters = np.zeros(part.moment.shape[1])
             parameters[self.columns(chosen)] = self.fitted(chosen, learned)
-            rows.append(np.maximum(part.squares(parameters), _TINY))
+            rows.append(np.maximum(part.squares(parameters), TINY))
         return np.stack(rows)
 
     def worth(self, key: Key, chosen: Sequence[Key]) -> float:
@@ -165,7 +162,7 @@ def _chosen(turns: _Turns, chosen: list[Key]) -> list[Key]:
     while True:
         best = turns.errors(chosen)
         ratios: dict[Key, float] = {}
-        for kind in KINDS:
+        for kind in EFFECT_KINDS:
             new = [(j, kind) for j in joints if (j, kind) not in chosen]
             ratio = turns.errors([*chosen, *new]) / best
             clear = (ratio < 1).all(0) & (np.maximum(_mean(ratio), ratio[-1]) < turns.most(kind))

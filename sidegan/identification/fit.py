@@ -20,7 +20,7 @@ _MOST_SPENT = 0.5  # largest share of the degrees of freedom deducted for parame
 _LAGS = 0.25  # longest lag, as a share of a piece: longer lags have too few pairs
 
 
-class Linear(Protocol):
+class LinearModel(Protocol):
     """A model of J joints whose torques are linear in its P parameters."""
 
     joints: int
@@ -52,7 +52,7 @@ class Gathered(NamedTuple):
     pieces: list[Measurements]  # without gaps
 
 
-def gather(model: Linear, measurements: Samples) -> Gathered:
+def gather(model: LinearModel, measurements: Samples) -> Gathered:
     """Sums over the measurements of one or several recordings.
 
     Raises:
@@ -72,12 +72,12 @@ def gather(model: Linear, measurements: Samples) -> Gathered:
     return Gathered(sums, parts)
 
 
-def residual_of(model: Linear, part: Measurements, parameters: Array) -> Array:
+def residual_of(model: LinearModel, part: Measurements, parameters: Array) -> Array:
     """Residual τ − Y θ [N·m or N], (S, J), of a piece."""
     return part.torque - torques_of(_regressor(model, part), parameters)
 
 
-def _sums(model: Linear, part: Measurements) -> Sums:
+def _sums(model: LinearModel, part: Measurements) -> Sums:
     if not isinstance(model, TorqueModel) or model.kinds or model.effects or part.joints != model.joints:
         return sums_of(_regressor(model, part), part.torque)
     # For rigid bodies alone the same sums need no regressor in memory.
@@ -86,7 +86,7 @@ def _sums(model: Linear, part: Measurements) -> Sums:
     return Sums(information, moment, energy, part.torque.sum(0), np.array(float(len(part))))
 
 
-def _regressor(model: Linear, part: Measurements) -> Array:
+def _regressor(model: LinearModel, part: Measurements) -> Array:
     if part.joints != model.joints:
         raise ShapeError(f"measurements have {part.joints} joints, the model has {model.joints}")
     return model.regressor(*part.inputs)
@@ -110,7 +110,7 @@ class Fit(NamedTuple):
     errors: TorqueErrors | None = None  # None: those of these parameters' residuals
 
 
-def constrained(sums: Sums, weights: Array, fixed: Array, free: Array) -> tuple[Array, Array, Array]:
+def best_combination(sums: Sums, weights: Array, fixed: Array, free: Array) -> tuple[Array, Array, Array]:
     """Parameters (P,), fixed ones plus the best combination of free columns (P, K).
 
     Also its weights (K,), and their covariance (K, K) if ``weights`` are the inverse standard deviations of
@@ -135,7 +135,7 @@ def least_squares(sums: Sums, least: float = LEAST, weights: Array | None = None
     return Fit(parameters, inverse, weights, least * np.eye(len(parameters)))
 
 
-def reweighted(sums: Sums, least: float = LEAST) -> Fit:
+def weighted_least_squares(sums: Sums, least: float = LEAST) -> Fit:
     """Weighted least squares with weights 1 / residual of each joint, iterated until they converge.
 
     This maximises the likelihood for Gaussian errors with a variance per joint. With the usual single
@@ -162,7 +162,7 @@ def least_residual(sums: Sums) -> Array:
     return _LEAST_RESIDUAL * np.where(torque > 0, torque, torque.max())
 
 
-def torque_errors(model: Linear, data: Gathered, fit: Fit) -> TorqueErrors:
+def torque_errors(model: LinearModel, data: Gathered, fit: Fit) -> TorqueErrors:
     """Variance and correlation over time of each joint's torque errors, from the residuals of a fit.
 
     Residuals are smaller than errors, since the fit minimises them: the parameters' share of each joint's

@@ -97,7 +97,7 @@ class Tool:
         return f"a tool is identified to {', '.join(sizes) or 'nothing'}{but}{runs}"
 
 
-class Prediction:
+class TorquePrediction:
     """Expected squared error of torques within the limits, relative to the joints' usual torques."""
 
     def __init__(self, model: TorqueModel, unit: Array, usual: Array) -> None:
@@ -152,11 +152,11 @@ class Uncertain:
         self._rate = rate
         self._scale, self._before = _known(covariance)
         self._motion = np.zeros_like(self._before)
-        self.purpose: Parameters | Tool | Prediction
+        self.purpose: Parameters | Tool | TorquePrediction
         if objective == "payload":
             self.purpose = Tool(model, self._scale, identified)
         elif objective == "prediction":
-            self.purpose = Prediction(model, self._scale, usual_torque(model.body))
+            self.purpose = TorquePrediction(model, self._scale, usual_torque(model.body))
         else:
             self.purpose = Parameters(model, self._scale, objective if isinstance(objective, list) else None)
 
@@ -190,7 +190,7 @@ class Uncertain:
         return geometric_mean(self.deviations / self.before)
 
 
-def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
+def uncertainty_of_description(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
     """Uncertainty of an arm with a description but no recordings."""
     model = TorqueModel(body, terms)
     usual = usual_torque(body)

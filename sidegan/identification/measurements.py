@@ -2,17 +2,15 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.typed import NonNegative
 from sidegan.errors import ShapeError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
-
-if TYPE_CHECKING:
-    from sidegan.motion.dynamics import RigidBody
 
 SAMPLES_AT_ONCE = 4096  # per piece: the regressor of a 7-joint arm then takes 16 MB
 
@@ -76,7 +74,7 @@ def pieces(measurements: Samples) -> Iterator[Measurements]:
         yield from (recording[i : i + SAMPLES_AT_ONCE] for i in range(0, len(recording), SAMPLES_AT_ONCE))
 
 
-def thinned(samples: Sequence[Measurements], most: int) -> Measurements:
+def subsample(samples: Sequence[Measurements], most: int) -> Measurements:
     """Every k-th sample of recordings in one, at most about so many."""
     stride = max(1, sum(map(len, samples)) // most)
     names = samples[0]._named()
@@ -97,7 +95,7 @@ class Noise:
         return not self.level or not (self.torque or self.state)
 
 
-def measure(body: "RigidBody", motion: Motion) -> Measurements:
+def exact_measurements(body: RigidBody, motion: Motion) -> Measurements:
     """Measurements, (B·T, J), without noise, of an arm that executes a motion (B, T, J) exactly.
 
     Raises:
@@ -110,7 +108,7 @@ def measure(body: "RigidBody", motion: Motion) -> Measurements:
     return Measurements(q, dq, ddq, body.torque(q, dq, ddq))
 
 
-def disturbed(exact: Measurements, noise: Noise, random: np.random.Generator, batch: int = 1) -> Measurements:
+def add_noise(exact: Measurements, noise: Noise, random: np.random.Generator, batch: int = 1) -> Measurements:
     """Exact measurements of ``batch`` equally long trajectories, one after another, with noise added.
 
     The torque stays that of the true states. The draws do not depend on which signals are noisy, and a

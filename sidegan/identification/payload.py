@@ -17,11 +17,12 @@ from sidegan.identification.fit import (
     gather,
     inflation_of,
     residual_of,
-    reweighted,
+    weighted_least_squares,
 )
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import rows_of, solve
+from sidegan.identification.thresholds import CERTAIN, LOAD_SHOWN, LOADED
 from sidegan.motion.dynamics import LINK_PARAMETERS
 from sidegan.recording.agreement import to_reverse
 from sidegan.robot import Arm
@@ -30,10 +31,7 @@ from sidegan.robot.consistency import about_the_centre
 LOAD = len(LINK_PARAMETERS)  # parameters of a load on the last link; they come last in ``with_load``
 _LIGHTEST, _LENGTH = 0.05, 0.05  # least mass [kg] and length [m] of the nominal load
 _STRENGTH = 0.1  # of the pull towards a ball of that size, which decides what the samples leave open
-_CLEAR = 3.0  # standard deviations at which a mass is significant
 _SILENT = 1e-9  # relative to the joint with the largest effect: below it, the load has none
-_SEEN = 30.0  # standard deviations of its effect on all currents, below which the load may be absent
-_SURE = 5.0  # standard deviations at which a gain is certain: it is then known to 20 %
 _STEP = 1e-30  # of a complex-step derivative
 VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # inertia about the centre
 
@@ -63,7 +61,7 @@ class Payload:
     @property
     def certain(self) -> bool:
         """Whether the load's mass is significant."""
-        return bool(self.values[0] > _CLEAR * self.deviation[0])
+        return bool(self.values[0] > LOADED * self.deviation[0])
 
 
 def values_of(parameters: Array) -> Array:
@@ -89,13 +87,13 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
     parts = _gathered(model, unloaded, loaded, tared=True)
     carrying = parts[1][1].sums
     sums = parts[0][1].sums.plus(carrying)
-    fit = reweighted(sums)
+    fit = weighted_least_squares(sums)
     residuals = [residual_of(extended, x, fit.parameters) for extended, data in parts for x in data.pieces]
     errors = TorqueErrors(sums.squares(fit.parameters) / sums.weight, inflation_of(residuals))
     covariance = covariance_of(sums, fit, errors)[-LOAD:, -LOAD:]
     load = fit.parameters[-LOAD:]
     sigma = float(np.sqrt(covariance[0, 0]))
-    if load[0] < -_CLEAR * sigma:
+    if load[0] < -LOADED * sigma:
         raise RecordingError(
             f"the load would be {load[0]:.4g} ± {sigma:.1g} kg: are recordings and loaded exchanged?"
         )
@@ -151,7 +149,7 @@ class Gains:
     @property
     def _clear(self) -> Array:
         """Whether the load's effect is clear, (J,)."""
-        return np.abs(self.gains) > _SURE * self.deviation
+        return np.abs(self.gains) > CERTAIN * self.deviation
 
     @property
     def _taken_off(self) -> Array:
@@ -172,7 +170,7 @@ class Gains:
         if unseen := arm.named(~self._clear):
             doubts.append(
                 f"the current of {unseen} hardly shows the load: σ of the gain is more than "
-                f"{1 / _SURE:.0%} of it; use a heavier load, or one further from the flange"
+                f"{1 / CERTAIN:.0%} of it; use a heavier load, or one further from the flange"
             )
         if negative.any():
             doubts.append(
@@ -226,10 +224,10 @@ def drive_gains(
     spread = np.stack([covariance[-1, -1] for _, covariance in each])
     inverse = np.stack([found[-1] for found, _ in each])
     deviation = np.sqrt(squares / sums.weight * inflation_of(residuals) * spread)
-    if (strength := np.linalg.norm(inverse / deviation)) < _SEEN:
+    if (strength := np.linalg.norm(inverse / deviation)) < LOAD_SHOWN:
         raise RecordingError(
             f"the currents do not show the load: its effect is {strength:.2g} standard deviations, expected "
-            f"{_SEEN:g} or more; was it on the arm in loaded, and is it heavy enough?"
+            f"{LOAD_SHOWN:g} or more; was it on the arm in loaded, and is it heavy enough?"
         )
     opposite = np.zeros(model.arm.joints, bool) if against is None else against
     return Gains(1 / inverse, deviation / np.square(inverse), opposite)

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy  # its parts are imported when they are used
 
-from sidegan.base.arrays import Array
-from sidegan.identification.effects import KINDS, PLACES, forms
+from sidegan.base.arrays import TINY, Array
+from sidegan.identification import thresholds
+from sidegan.identification.effects import EFFECT_KINDS, PLACES, forms
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.fit import spread_of
 from sidegan.identification.measurements import Measurements, Samples, pieces
@@ -25,17 +26,9 @@ from sidegan.recording.recording import Segment
 BIASED = "bias dominates"
 
 _BANDS = ((0.0, 0.3), (0.3, 0.6))  # shares of the cut-off; most unmodelled torque is in the first band
-_VALUES = 15.0  # independent values that a band needs for a test
-_RARE = 1e-3  # false alarm rate per band of pure noise
-_EXPECTED = 1.25  # allowance for the error of the expected noise
 _HANN = 35 / 18  # correlated spectral values per independent one, under a Hann window
-_ALIKE = 4.0  # standard deviations at which a correlation between neighbours is significant
 
-_CHANCE = 4.0  # a kind must explain this many times what it would explain of noise
-_LEAST = 0.05  # least share of a joint's residual variance that a kind must explain
 _MOST = 3  # kinds per joint, at most
-_ROUNDING = 1e-10
-_TINY = np.finfo(float).tiny
 _LOST = 1e-6  # relative eigenvalue below which forms are not separable
 
 
@@ -53,24 +46,29 @@ def is_noise(
         for recording in recordings
         for segment in recording.segments
     ]
-    *sums, samples = zip(*residuals)
-    energy, expected, values = (np.stack(x).sum(0) for x in sums)
-    if (values < _VALUES).any():
+    energy = np.sum([x.energy for x in residuals], 0)
+    expected = np.sum([x.expected for x in residuals], 0)
+    values = np.sum([x.values for x in residuals], 0)
+    if (values < thresholds.LEAST_VALUES).any():
         return np.zeros(model.joints, dtype=bool)
-    most = _EXPECTED * scipy.stats.chi2.isf(_RARE, values) / values
+    most = thresholds.EXPECTED_NOISE * scipy.stats.chi2.isf(thresholds.FALSE_ALARMS, values) / values
     as_large = energy <= most[:, None] * expected  # False where the noise is unknown (NaN)
-    return as_large.all(0) & _uncorrelated(np.concatenate(samples, 1))
+    return as_large.all(0) & _uncorrelated(np.concatenate([x.samples for x in residuals], 1))
+
+
+class _Residual(NamedTuple):
+    """Residual of a segment, in K bands."""
+
+    energy: Array  # (K, J)
+    expected: Array  # energy of noise and of the parameters' errors, (K, J)
+    values: Array  # number of independent values, (K,)
+    samples: Array  # independent ones of it, and of signals to sort it by, (5, N, J)
 
 
 def _residual(
     model: TorqueModel, parameters: Array, covariance: Array, segment: Segment, cutoff: float, noise: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Residual of a segment with a low-pass [Hz], and what noise of a density, (J,), is expected in it.
-
-    Returns:
-        Its energy in each band, (K, J), that of noise and of the parameters' errors, (K, J), the number of
-        independent values, (K,), and independent samples of it and of signals to sort it by, (5, N, J).
-    """
+) -> _Residual:
+    """Residual of a segment with a low-pass [Hz] and noise of a density, (J,)."""
     rate = 1 / float(segment.time[1] - segment.time[0])
     count = len(segment.time)
     predicted = []
@@ -90,7 +88,7 @@ def _residual(
     expected[0] += errors * unit * count / 2
     step = max(1, round(rate / (2 * cutoff)))
     samples = np.stack([residual, segment.position, segment.velocity, segment.acceleration, torque])
-    return inside @ power, expected, 2 * inside.sum(1) / _HANN, samples[:, ::step]
+    return _Residual(inside @ power, expected, 2 * inside.sum(1) / _HANN, samples[:, ::step])
 
 
 def _uncorrelated(samples: Array) -> Array:
@@ -101,7 +99,7 @@ def _uncorrelated(samples: Array) -> Array:
         r = np.take_along_axis(residual, x.argsort(0), 0)
         r = r - r.mean(0)
         correlation = (r[1:] * r[:-1]).sum(0) / np.square(r).sum(0)
-        result &= correlation * len(r) ** 0.5 < _ALIKE
+        result &= correlation * len(r) ** 0.5 < thresholds.CORRELATED
     return result
 
 
@@ -151,7 +149,7 @@ def find_unmodelled(model: TorqueModel, estimate: Estimate, samples: Samples) ->
     torque = rows @ estimate.parameters
     forms = _forms(model, estimate, rows, Measurements(*states, torque))
     error = (forms * amounts).sum(2) - rows @ np.einsum("jpk,jk->p", turned, amounts)
-    usual = np.maximum(np.square(torque).mean(0), _TINY)
+    usual = np.maximum(np.square(torque).mean(0), TINY)
     return Unmodelled(tuple(found), np.sqrt(np.square(error).mean(0) / usual))
 
 
@@ -175,13 +173,13 @@ def _explained(joint: _Normal, chance: float) -> tuple[list[tuple[str, float]], 
     reached = 0.0
     amounts = np.zeros_like(joint.right)
     while joint.energy > 0 and len(found) < _MOST:
-        left = {kind: places for kind, places in PLACES.items() if KINDS[kind].words not in found}
+        left = {kind: places for kind, places in PLACES.items() if EFFECT_KINDS[kind].words not in found}
         values = {kind: joint.by([*chosen, *places])[0] for kind, places in left.items()}
         best = max(values, key=values.__getitem__)
         share = (values[best] - reached) / float(joint.energy)
-        if share < max(_LEAST, _CHANCE * chance * len(PLACES[best])):
+        if share < max(thresholds.NOTABLE_EFFECT, thresholds.BEYOND_CHANCE * chance * len(PLACES[best])):
             break
-        found[KINDS[best].words] = share
+        found[EFFECT_KINDS[best].words] = share
         chosen += PLACES[best]
         reached, amounts[chosen] = joint.by(chosen)
     return [*found.items()], amounts
@@ -197,7 +195,7 @@ def _normals(model: TorqueModel, estimate: Estimate, samples: Samples) -> tuple[
         moments = moments + y.transpose(1, 2, 0) @ columns
         products = products + columns.mT @ columns
     moments, along = moments[..., :-1], moments[..., -1:]
-    inverse = scaled_inverse(estimate.sums.weighted(estimate.weights)[0], _ROUNDING)
+    inverse = scaled_inverse(estimate.sums.weighted(estimate.weights)[0])
     turned = inverse @ (np.square(estimate.weights)[:, None, None] * moments)
     crossed, kept = moments.mT @ turned, turned.mT @ estimate.sums.information @ turned
     normal = products[:, :-1, :-1] - crossed - crossed.mT + kept
@@ -208,6 +206,6 @@ def _normals(model: TorqueModel, estimate: Estimate, samples: Samples) -> tuple[
 def _forms(model: TorqueModel, estimate: Estimate, y: Array, part: Measurements) -> Array:
     """Torques of a unit of each form, (S, J, K), at samples with regressor y."""
     load = torques_of(y[..., : model.moved], estimate.parameters[: model.moved])
-    usual = np.sqrt(np.maximum(estimate.sums.energy / estimate.sums.weight, _TINY))
+    usual = np.sqrt(np.maximum(estimate.sums.energy / estimate.sums.weight, TINY))
     sign = model.terms.sign(part.velocity) if part.sign is None else part.sign
     return np.moveaxis(forms(part.position, part.velocity, sign, load / usual), 0, -1)

@@ -16,8 +16,8 @@ from sidegan.base.arrays import Array, split
 from sidegan.base.parallel import Report
 from sidegan.design.excitation import excitation_of
 from sidegan.identification.estimate import score
-from sidegan.identification.fit import gather, least_residual, least_squares, reweighted
-from sidegan.identification.measurements import Measurements, disturbed, measure, pieces
+from sidegan.identification.fit import gather, least_residual, least_squares, weighted_least_squares
+from sidegan.identification.measurements import Measurements, add_noise, exact_measurements, pieces
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.settings import StudySettings
 from sidegan.identification.sums import Sums, no_sums, sums_of, sums_of_draws
@@ -73,7 +73,7 @@ def measured_sums(
     sums = [no_sums(model.joints, model.count) for _ in generators]
     for batch in split(family[1], _TRAJECTORIES_AT_ONCE) if count else ():
         exact = _measured(body, (family[0], batch), settings.rate)
-        noisy = (disturbed(exact, settings.noise, generator, len(batch)) for generator in generators)
+        noisy = (add_noise(exact, settings.noise, generator, len(batch)) for generator in generators)
         if settings.noise.state:
             parts = [gather(model, draw).sums for draw in noisy]
         else:  # the draws share the regressor
@@ -84,7 +84,7 @@ def measured_sums(
     return sums
 
 
-def combined(
+def combined_errors(
     body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: MotionSet, settings: StudySettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """As ``drawn_errors``, for named lists of sums to add up; without repeat, condition and duration."""
@@ -117,7 +117,7 @@ def expected_errors(
     rows: list[tuple[object, ...]] = []
     for weighted in () if noise.state and noise.level else (False, True):
         weights = np.ones_like(sums.energy)
-        if weighted:  # by the joint's noise, with the bound of ``reweighted``
+        if weighted:  # by the joint's noise, with the bound of ``weighted_least_squares``
             weights = 1 / np.maximum(np.sqrt(spread.energy / spread.weight), least_residual(sums))
         fit = least_squares(sums, 1 / settings.prior, weights)
         covariance = fit.inverse @ spread.weighted(np.square(weights))[0] @ fit.inverse
@@ -130,7 +130,7 @@ def expected_errors(
 def _measured(body: RigidBody, family: MotionSet, rate: float) -> Measurements:
     """Exact measurements along all trajectories of a set, one after another."""
     trajectory, coefficients = family
-    return measure(body, trajectory.roll_out(coefficients, trajectory.times(rate)))
+    return exact_measurements(body, trajectory.roll_out(coefficients, trajectory.times(rate)))
 
 
 def _judged(
@@ -144,7 +144,7 @@ def _judged(
     truth = _measured(body, tests, settings.rate)
     errors, facts = [], []
     for keys, sums in each:
-        fits = [least_squares(sums, 1 / settings.prior), reweighted(sums, 1 / settings.prior)]
+        fits = [least_squares(sums, 1 / settings.prior), weighted_least_squares(sums, 1 / settings.prior)]
         for weighted, fit in enumerate(fits):
             nmse = score(model, fit.parameters, truth).nmse.tolist()
             columns = {"weighted": bool(weighted), "joint": model.arm.joint_names, "nmse": nmse}

@@ -8,6 +8,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 
 _CONSTANT = 1e-13  # share of the mean square: a smaller variance is rounding
+_SINGULAR = 1e-10  # a smaller share of the largest eigenvalue is rounding of an inverse
 _ROUNDING = 16  # an eigenvalue below 16 p ε of the largest is rounding of the sums, not information
 
 
@@ -23,6 +24,12 @@ class Sums(NamedTuple):
     def plus(self, other: "Sums") -> "Sums":
         """Sums over both sets of samples."""
         return Sums(*(a + b for a, b in zip(self, other)))
+
+    def first(self, count: int) -> "Sums":
+        """Sums in which all but the first columns are zero."""
+        kept = np.arange(self.moment.shape[1]) < count
+        information = self.information * (kept[:, None] & kept)
+        return self._replace(information=information, moment=self.moment * kept)
 
     def weighted(self, weights: Array) -> tuple[Array, Array]:
         """Information (P, P) and moment (P,) of all joints, with joint j's equations times ``weights[j]``."""
@@ -95,7 +102,7 @@ def rows_of(information: Array, moment: Array) -> tuple[Array, Array]:
     return root[:, None] * vectors.T * scale, vectors.T @ (moment / scale) / root
 
 
-def scaled_inverse(information: Array, rtol: float) -> Array:
+def scaled_inverse(information: Array, rtol: float = _SINGULAR) -> Array:
     """Pseudo-inverse (P, P) of information, computed with columns scaled to unit length."""
     scaled, scale = _scaled(information)
     inverse = np.linalg.pinv(scaled, rtol=rtol, hermitian=True)

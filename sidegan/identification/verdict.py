@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.identification.estimate import Estimate, Score, shown
+from sidegan.identification import thresholds
+from sidegan.identification.estimate import Estimate, Score, nmse_text
 from sidegan.robot import Arm
 
 
@@ -25,17 +26,8 @@ class Finding(NamedTuple):
 
 GOOD, USABLE, BAD = "good", "usable", "not trustworthy"
 
-# Thresholds of a good and of a usable model; nMSE is of the validation, or of the training without one.
-_GOOD_NMSE, _USABLE_NMSE = 0.02, 0.1  # mean over joints
-_GOOD_JOINT, _USABLE_JOINT = 0.05, 0.3  # of the worst joint
-_GOOD_TORQUE, _USABLE_TORQUE = 0.1, 0.5  # deviation of predicted torque, as a share of the usual torque
-_USABLE_LIMIT = 0.1  # the same for a joint whose residual is noise, as a share of its torque limit
-_AS_GOOD = 1.1  # largest ratio of mean nMSE to the model's of what predicts as well
-_OVERFIT = 3.0  # ratio of validation to training nMSE, means over joints
-_CONDITION = 100.0  # condition number of the scaled regressor
 _NAMED = 6  # parameters that a reason names at most
 _MOST = 10.0  # shares above are reported as "more than"
-_CLEAR = 2.0  # deviations below zero at which a single parameter is negative; corrected for their number
 _FRICTION = ("fv", "fc", "Ia")  # prefixes of the parameters that cannot be negative
 _SHAPED = ("sa", "fr")  # of effects beside which they are only parts of a curve, and can
 
@@ -84,7 +76,7 @@ class Quality:
             joint = group[0].joint
             sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
         if self.verdict == GOOD:
-            error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
+            error = f"mean nMSE {nmse_text(self.judged.nmse_mean)} on {self.where}"
             sentences.append(f"{error}, and every parameter that matters is certain")
         return sentences
 
@@ -95,7 +87,7 @@ class Quality:
 
     def as_good(self, errors: Score) -> bool:
         """Whether something with these errors predicts within a tenth as well as the model."""
-        return self.mean(errors) <= _AS_GOOD * self.mean(self.judged)
+        return self.mean(errors) <= thresholds.AS_GOOD * self.mean(self.judged)
 
     @property
     def faulty(self) -> bool:
@@ -105,7 +97,7 @@ class Quality:
     @property
     def drowned(self) -> Array:
         """Joints whose torque is below its noise, so that nMSE does not assess the model, (J,)."""
-        drowned = self.noise & (self.judged.nmse > _GOOD_JOINT)
+        drowned = self.noise & (self.judged.nmse > thresholds.GOOD_JOINT_NMSE)
         return drowned & ~drowned.all()
 
     def mean(self, errors: Score) -> float:
@@ -129,11 +121,11 @@ def _held_out(quality: Quality) -> Iterator[Finding]:
         yield Finding(USABLE, "no recording was held out: prediction of other motions is untested")
     else:
         tested, trained = quality.mean(quality.held_out), quality.mean(quality.train)
-        if tested > max(_OVERFIT * trained, _GOOD_NMSE / 2):
+        if tested > max(thresholds.OVERFITTED * trained, thresholds.GOOD_NMSE / 2):
             ratio = f"validation nMSE is {tested / trained:.1f} times that of training"
             advice = "" if quality.faulty else ": add more, or more varied, recordings"
             yield Finding(USABLE, ratio + advice)
-    if quality.folds and quality.mean(quality.folds) > _GOOD_NMSE:
+    if quality.folds and quality.mean(quality.folds) > thresholds.GOOD_NMSE:
         errors = quality.folds.nmse[:, ~quality.drowned].mean(1)
         bad = f"recording {errors.argmax() + 1} is predicted by the others with mean nMSE {errors.max():.3f}"
         yield Finding(USABLE, bad)
@@ -143,16 +135,16 @@ def _misfits(quality: Quality) -> Iterator[Finding]:
     judged = quality.judged
     where = quality.where
     drowned = quality.drowned.tolist()
-    if (mean := quality.mean(judged)) > _GOOD_NMSE:
-        others = " of the other joints" * any(drowned)
-        yield Finding(BAD if mean > _USABLE_NMSE else USABLE, f"mean nMSE{others} is {mean:.3g} on {where}")
+    if (mean := quality.mean(judged)) > thresholds.GOOD_NMSE:
+        others = " of the other joints" if any(drowned) else ""
+        level = _level(mean, thresholds.USABLE_NMSE)
+        yield Finding(level, f"mean nMSE{others} is {mean:.3g} on {where}")
     for j, error in enumerate(judged.nmse.tolist()):
         if drowned[j]:
             yield _drowned(quality, j)
-        elif error > _GOOD_JOINT:
-            level = BAD if error > _USABLE_JOINT else USABLE
+        elif error > thresholds.GOOD_JOINT_NMSE:
             left = f"the model leaves {error:.0%} of the torque's variance unexplained"
-            yield Finding(level, f"{left} on {where}", j)
+            yield Finding(_level(error, thresholds.USABLE_JOINT_NMSE), f"{left} on {where}", j)
 
 
 def _drowned(quality: Quality, j: int) -> Finding:
@@ -160,31 +152,30 @@ def _drowned(quality: Quality, j: int) -> Finding:
     unit = "N" if quality.arm.prismatic[j] else "N·m"
     limit = quality.arm.torque_limit[j]
     usual, noise, share = (x[j] for x in (quality.usual, quality.judged.rmse, quality.torque_deviation))
-    known = math.isfinite(limit)
-    level = BAD if (share * usual > _USABLE_LIMIT * limit if known else share > _USABLE_TORQUE) else USABLE
-    return Finding(
-        level,
-        f"the residual is noise of {noise:.2g} {unit}, for a usual torque of {usual:.2g} {unit}"
-        + f" and a limit of {limit:.3g} {unit}" * known
-        + f"; torque in other motions is uncertain by {share * usual:.2g} {unit}: repetitions or a longer "
-        "recording reduce that, a larger motion does not",
-        j,
-    )
+    text = f"the residual is noise of {noise:.2g} {unit}, for a usual torque of {usual:.2g} {unit}"
+    if math.isfinite(limit):
+        text += f" and a limit of {limit:.3g} {unit}"
+        level = _level(share * usual, thresholds.USABLE_NOISE * limit)
+    else:
+        level = _level(share, thresholds.USABLE_UNCERTAINTY)
+    uncertain = f"torque in other motions is uncertain by {share * usual:.2g} {unit}"
+    advice = "repetitions or a longer recording reduce that, a larger motion does not"
+    return Finding(level, f"{text}; {uncertain}: {advice}", j)
 
 
 def _excitation(quality: Quality) -> Iterator[Finding]:
     condition = quality.estimate.condition
     if math.isinf(condition):
         yield Finding(USABLE, "the arm is poorly excited: some parameters have no effect in this motion")
-    elif condition > _CONDITION:
+    elif condition > thresholds.GOOD_CONDITION:
         alike = f"condition number {condition:.0f} of the scaled regressor"
         yield Finding(USABLE, f"the arm is poorly excited: parameters are hard to tell apart ({alike})")
     for j, share in enumerate(quality.torque_deviation.tolist()):
         if quality.drowned[j]:
             continue
         weak = listed([name for name in quality.weak if joint_of(name) == j], _NAMED)
-        if share > _GOOD_TORQUE:
-            level = BAD if share > _USABLE_TORQUE else USABLE
+        if share > thresholds.GOOD_UNCERTAINTY:
+            level = _level(share, thresholds.USABLE_UNCERTAINTY)
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
             text = f"not identifiable from this data, torque in other motions is uncertain by {size}"
             names = f" ({weak})" if weak else ""
@@ -202,12 +193,17 @@ def _negative(quality: Quality) -> Iterator[Finding]:
         for entry in each
         if entry[0].rstrip("0123456789") in _FRICTION and joint_of(entry[0]) not in shaped
     ]
-    clear = -NormalDist().inv_cdf(NormalDist().cdf(-_CLEAR) / max(1, len(signed)))  # Bonferroni
+    clear = -NormalDist().inv_cdf(NormalDist().cdf(-thresholds.NEGATIVE) / max(1, len(signed)))  # Bonferroni
     for name, value, deviation in signed:
         if value < -clear * deviation:
             what = "rotor inertia" if name.startswith("Ia") else "friction"
             text = f"{name} is {value:.2g} ± {deviation:.1g}, but {what} cannot be negative"
             yield Finding(USABLE, text, joint_of(name))
+
+
+def _level(value: float, usable: float) -> str:
+    """The best verdict that a value allows which is not good."""
+    return BAD if value > usable else USABLE
 
 
 def joint_of(name: str) -> int:

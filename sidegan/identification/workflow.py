@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from sidegan.base.arrays import geometric_mean
+from sidegan.base.arrays import TINY, geometric_mean
 from sidegan.errors import RecordingError
+from sidegan.identification import thresholds
 from sidegan.identification.causes import causes_of
 from sidegan.identification.estimate import Estimate, Score, estimate, score
 from sidegan.identification.evidence import effects_of
-from sidegan.identification.fit import constrained, spread_of
+from sidegan.identification.fit import best_combination, spread_of
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
@@ -22,10 +23,6 @@ from sidegan.identification.verdict import BAD, USABLE, Finding, Quality
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.checked import CheckedRecording
 from sidegan.robot import Arm
-
-_AS_GOOD = 1.1  # largest ratio of nMSE to the other model's at which the consistent model is preferred
-_EFFECT = 0.1  # share of a joint's torque that one standard deviation of a weak parameter exceeds
-_PERFECT = 1e-4  # differences between nMSE below this do not count
 
 
 def identify_arm(
@@ -81,11 +78,11 @@ def _judged(
         kind = f"each of {len(training)} recordings, predicted from the others"
         where = "each recording by the others"
         each = [measurements_of([recording]) for recording in training]
-        turns = {method: cross_validated(method, model, each, strength) for method in estimates}
+        turns = {method: cross_validate(method, model, each, strength) for method in estimates}
         tested = {method: errors.pooled for method, errors in turns.items()}
     copied = next((x.copied for x in validation or training if x.copied), None)
     kind = "of the same run: nothing was held out" if copied else kind
-    use = CONSISTENT if tested is trained else preferred(settings.method, tested)
+    use = CONSISTENT if tested is trained else recommended_method(settings.method, tested)
     used = estimates[use]
     sets = [recordings for recordings in (training, validation) if recordings]
     noise = [is_noise(model, used.parameters, used.covariance, recordings) for recordings in sets]
@@ -98,7 +95,7 @@ def _judged(
         folds=turns.get(use),
         noise=np.all(noise, 0),
         copied=copied,
-        **compared(model, estimates[settings.method], held_out or samples),
+        **assess(model, estimates[settings.method], held_out or samples),
     )
     found = IdentifiedArm(
         model=model,
@@ -115,7 +112,7 @@ def _judged(
     return replace(found, quality=replace(judged, causes=tuple(causes), other_gravity=gravity))
 
 
-def cross_validated(
+def cross_validate(
     method: str, model: TorqueModel, recordings: Sequence[list[Measurements]], strength: float | None = None
 ) -> Score:
     """Errors, (K, J), of predicting each of K recordings with the model identified from the others."""
@@ -126,18 +123,18 @@ def cross_validated(
     return Score(*(np.stack(column) for column in zip(*rows)))
 
 
-def compared(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) -> dict[str, Any]:
+def assess(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) -> dict[str, Any]:
     """Effects of an estimate's errors on torques, and errors of the description's links on samples.
 
     As the fields of ``Quality``; friction, rotors and offsets are fitted to the description's links.
     """
     y = model.regressor(*model.usual_states())
-    usual = np.maximum(np.sqrt(np.square(y @ estimate.parameters).mean(0)), np.finfo(float).tiny)
+    usual = np.maximum(np.sqrt(np.square(y @ estimate.parameters).mean(0)), TINY)
     share = np.sqrt(np.square(y).mean(0)) / usual[:, None]  # effect of a unit of each parameter, (J, P)
     effect = share.max(0) * estimate.deviation
-    weak = [i for i in (-effect).argsort().tolist() if effect[i] > _EFFECT]
+    weak = [i for i in (-effect).argsort().tolist() if effect[i] > thresholds.WEAK]
     terms = np.eye(model.count)[:, model.rigid :]
-    nominal, *_ = constrained(estimate.sums, estimate.weights, model.nominal, terms)
+    nominal, *_ = best_combination(estimate.sums, estimate.weights, model.nominal, terms)
     return {
         "nominal_score": score(model, nominal, samples),
         "torque_deviation": np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual,
@@ -146,12 +143,12 @@ def compared(model: TorqueModel, estimate: Estimate, samples: list[Measurements]
     }
 
 
-def preferred(method: str, errors: Mapping[str, Score]) -> str:
+def recommended_method(method: str, errors: Mapping[str, Score]) -> str:
     """The recommended method, by errors: the consistent one, unless the other is clearly better."""
-    return method if excess(method, errors) > _AS_GOOD else CONSISTENT
+    return method if error_ratio(method, errors) > thresholds.AS_GOOD else CONSISTENT
 
 
-def excess(method: str, errors: Mapping[str, Score]) -> float:
+def error_ratio(method: str, errors: Mapping[str, Score]) -> float:
     """Ratio of the consistent model's nMSE to that of another method, geometric mean over joints."""
-    consistent, other = (np.maximum(errors[name].nmse, _PERFECT) for name in (CONSISTENT, method))
+    consistent, other = (np.maximum(errors[name].nmse, thresholds.SAME_NMSE) for name in (CONSISTENT, method))
     return geometric_mean(consistent / other)

@@ -18,7 +18,7 @@ from sidegan.design.problem import SearchSettings
 from sidegan.design.search import ConditionGoal, design_set
 from sidegan.errors import ConfigError, SideganError
 from sidegan.identification import GoalSettings, Terms
-from sidegan.identification.goals import Uncertain, unmeasured, usual_torque
+from sidegan.identification.goals import Uncertain, uncertainty_of_description, usual_torque
 from sidegan.identification.model import TorqueModel
 from sidegan.library.measure import library_of
 from sidegan.motion.dynamics import RigidBody
@@ -83,7 +83,7 @@ def aim_of(
             raise ConfigError("goal.objective=condition uses no model: leave out known= or choose another")
         return ConditionGoal(cell.problem)
     if known is None:
-        return unmeasured(cell.body, terms, goal)
+        return uncertainty_of_description(cell.body, terms, goal)
     if not isinstance(known, str | Path):
         raise ConfigError(f"known is {known!r}, expected the folder of an identification")
     found, covariance, certainty, rate = known_model(Path(known), cell.arm)

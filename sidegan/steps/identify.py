@@ -162,13 +162,8 @@ def check_recordings(
 ) -> Checked:
     """Check and preprocess recordings of an arm; logs warnings about them.
 
-    Args:
-        cell: the arm in its cell; only its description is used.
-        recordings: as in ``identify``, like the next three.
-        validation: recordings or a share to hold out.
-        recording: contents of the files and their preprocessing.
-        gains: drive gains [N·m/A], (J,).
-        sign_width: velocity [rad/s or m/s] at which the smooth sign of Coulomb friction reaches 76 %.
+    Arguments are those of ``identify``, and ``sign_width``, the velocity [rad/s or m/s] at which the smooth
+    sign of Coulomb friction reaches 76 %.
 
     Returns:
         ``training`` and ``validation``, each with ``statistics``, ``segments`` and ``warnings``.
@@ -183,31 +178,46 @@ def check_recordings(
     if gains is not None and not _gains(gains):
         raise ConfigError(f"gains is {gains!r}, expected a drive gain of each joint, not zero [N·m/A]")
     with TemporaryDirectory() as folder:
-        first, held_out = (
-            [_named(given, Path(folder, f"{role} {k}")) for k, given in enumerate(_listed(group), 1)]
-            for role, group in (("recording", recordings), ("validation", None if share else validation))
-        )
+        first = _named(recordings, "recording", folder)
+        held_out = [] if share else _named(validation, "validation", folder)
         if not first:
             raise ConfigError("recordings is empty, expected files or tables of the arm")
         arm = recorded_arm(cell, [*first, *held_out], settings)
         refuse_elsewhere(arm, [*first, *held_out], settings)
-        files: list[tuple[Recorded, Role]] = [(file, "training") for file in first]
-        files += [(file, "validation") for file in held_out]
-        found = read_and_check(files, arm, settings, gains, sign_width, f"{folder}/")
-    refuse_shared([(checked.name, checked.statistics.rows) for checked in found])
-    training, validated = found[: len(first)], found[len(first) :]
+        groups = read_groups(arm, first, held_out, "validation", settings, gains, sign_width, f"{folder}/")
+    training, validated = groups
     if share is not None:
-        training, validated = map(list, zip(*(hold_out(checked, share) for checked in training)))
+        parts = [hold_out(checked, share) for checked in training]
+        training, validated = [first for first, _ in parts], [last for _, last in parts]
     given: dict[str, Any] = {"recordings": first, "validation": held_out or share}
     given |= {} if gains is None else {"robot.gains": np.asarray(gains, float).tolist()}
-    identification, excitation = _commands(cell, arm, given)
-    identification = identification.replace(f"{folder}/", "")  # data frames are shown by their names
-    if settings.coupling:
-        excitation += f" {setting('controllers.coupling', settings.coupling)}"
-    commands = " ".join([identification, *changes("recording", settings)]), excitation
+    command, excite = _commands(cell, arm, given, settings)
+    command = command.replace(f"{folder}/", "")  # data frames are shown by their names
     robot = {"name": cell.robot, "gains": gains, **asdict(cell.setup)}
-    origin = Origin(*commands, {"robot": robot, "recording": asdict(settings)})
-    return Checked(arm, found, training, validated, origin)
+    origin = Origin(command, excite, {"robot": robot, "recording": asdict(settings)})
+    return Checked(arm, [*groups[0], *groups[1]], training, validated, origin)
+
+
+def read_groups(
+    arm: Arm,
+    training: Sequence[Recorded],
+    others: Sequence[Recorded],
+    role: Role,
+    settings: RecordingSettings,
+    gains: Sequence[float] | None,
+    sign_width: float,
+    folder: str = "",
+) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
+    """Recordings for training, and others in a role of their own, checked and preprocessed.
+
+    Raises:
+        RecordingError: when a recording cannot be read or used, or two share samples; names it.
+    """
+    files: list[tuple[Recorded, Role]] = [(file, "training") for file in training]
+    files += [(file, role) for file in others]
+    found = read_and_check(files, arm, settings, gains, sign_width, folder)
+    refuse_shared([(checked.name, checked.statistics.rows) for checked in found])
+    return found[: len(training)], found[len(training) :]
 
 
 def recorded_arm(cell: Cell, recordings: Sequence[Recorded], settings: RecordingSettings) -> Arm:
@@ -251,27 +261,31 @@ def _share(validation: Recordings | Given | float) -> float | None:
     return float(validation)
 
 
-def _listed(given: object) -> list[Any]:
-    """Recordings as a list, if one or none is given, too."""
+def _named(given: object, role: str, folder: str) -> list[Recorded]:
+    """Recordings, one or several, as in the settings; data frames are stored in a folder by their names."""
     if given is None:
         return []
     one = isinstance(given, str | Path | pd.DataFrame | Files | Mapping)
-    return [given] if one or not isinstance(given, Iterable) else list(given)
+    each = [given] if one or not isinstance(given, Iterable) else given
+    return [_recording(x, Path(folder, f"{role} {k}")) for k, x in enumerate(each, 1)]
 
 
-def _named(given: Given, path: Path) -> Recorded:
+def _recording(given: object, path: Path) -> Recorded:
     """A recording as in the settings; a data frame is written to ``path`` first, with its name there."""
-    if isinstance(given, pd.DataFrame):
-        return _stored(given, path)
-    if isinstance(given, Mapping):
-        frames = {signal: x for signal, x in given.items() if isinstance(x, pd.DataFrame)}
-        files = build(Files, {**given, **{signal: f"{path.name} {signal}" for signal in frames}})
-        paths = {signal: path.with_name(getattr(files, signal)) for signal in frames}
-        return replace(files, **{signal: _stored(x, paths[signal]) for signal, x in frames.items()})
-    if not isinstance(given, str | Path | Files):
-        kind = type(given).__name__
-        raise ConfigError(f"{path.name} is a {kind}, expected a file, a data frame, or one for each signal")
-    return given if isinstance(given, Files) else str(given)
+    match given:
+        case pd.DataFrame():
+            return _stored(given, path)
+        case Files():
+            return given
+        case str() | Path():
+            return str(given)
+        case Mapping():
+            frames = {signal: x for signal, x in given.items() if isinstance(x, pd.DataFrame)}
+            files = build(Files, {**given, **{signal: f"{path.name} {signal}" for signal in frames}})
+            paths = {signal: path.with_name(getattr(files, signal)) for signal in frames}
+            return replace(files, **{signal: _stored(x, paths[signal]) for signal, x in frames.items()})
+    kind = type(given).__name__
+    raise ConfigError(f"{path.name} is a {kind}, expected a file, a data frame, or one for each signal")
 
 
 def _stored(frame: pd.DataFrame, path: Path) -> str:
@@ -289,10 +303,15 @@ def _stored(frame: pd.DataFrame, path: Path) -> str:
     return str(path)
 
 
-def _commands(cell: Cell, arm: Arm, given: Mapping[str, Any]) -> tuple[str, str]:
+def _commands(
+    cell: Cell, arm: Arm, given: Mapping[str, Any], recording: RecordingSettings
+) -> tuple[str, str]:
     """The commands that identify an arm from what is given, and that then excite uncertain parameters."""
-    settings = " ".join(setting(name, x) for name, x in given.items() if x)
-    locked = replace(cell.setup, locked=arm.setup.locked)  # including joints that stood still
     run = "python -m sidegan.run +experiment="
-    identify = f"{run}identify {robot_settings(cell.robot, cell.setup)} {settings}"
-    return identify, f"{run}excite {robot_settings(cell.robot, locked)} goal.count=4"
+    words = [robot_settings(cell.robot, cell.setup), *(setting(name, x) for name, x in given.items() if x)]
+    identify = " ".join([f"{run}identify", *words, *changes("recording", recording)])
+    locked = replace(cell.setup, locked=arm.setup.locked)  # including joints that stood still
+    excite = f"{run}excite {robot_settings(cell.robot, locked)} goal.count=4"
+    if recording.coupling:
+        excite += f" {setting('controllers.coupling', recording.coupling)}"
+    return identify, excite

@@ -8,7 +8,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import plain
 from sidegan.cell import Cell
 from sidegan.design.search import ConditionGoal
-from sidegan.identification.goals import Prediction, Uncertain
+from sidegan.identification.goals import TorquePrediction, Uncertain
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.remedies import binding, remedy
 
@@ -36,7 +36,7 @@ def excitation_warnings(
         reasons.append(f"it uses {use:.0%} of the limits on motion")
     if not condition <= MOST_CONDITION:
         reasons.append(f"its condition is {plain(condition)}")
-    if isinstance(aim, Uncertain) and isinstance(aim.purpose, Prediction):
+    if isinstance(aim, Uncertain) and isinstance(aim.purpose, TorquePrediction):
         error = np.sqrt(np.square(aim.deviations).mean())
         if not error <= MOST_UNCERTAINTY:
             reasons.append(f"it leaves torques uncertain by {error:.0%} of their usual size")

@@ -15,9 +15,10 @@ from sidegan.identification import (
     estimate,
     score,
 )
+from sidegan.identification.effects import Effects
 from sidegan.identification.settings import GoalSettings, StudySettings
 from sidegan.identification.verdict import Quality
-from sidegan.identification.workflow import compared, identify_arm
+from sidegan.identification.workflow import assess, identify_arm
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording
 from tests.recording.conftest import moved, of_file
@@ -65,6 +66,15 @@ def recorded(model, samples=1500, noise=0.0, seed=0):
     return measured(model, multisine(model.joints, samples, seed), noise, seed)
 
 
+def planted(model, chosen, size):
+    """The model with effects of a size [N·m] on single joints, and its true parameters."""
+    load = truth_of(model)[: model.moved]
+    rigid = model.regressor(*multisine(model.joints, 1000))[..., : model.moved] @ load
+    effects = Effects(sorted(chosen), load, np.sqrt(np.square(rigid).mean(0)))
+    true = TorqueModel(model.body, model.terms, effects)
+    return true, np.append(truth_of(model), np.full(true.count - model.count, size))
+
+
 def checked(arm, seed, truth=None, change=None, seconds=15, rate=200, friction=(VISCOUS, COULOMB), **motion):
     """A recording of a true arm, changed, and checked against a description."""
     time = np.arange(seconds * rate) / rate
@@ -90,7 +100,7 @@ def judged(model, found, data, validation=None):
     train = score(model, found.parameters, data)
     tested = None if validation is None else score(model, found.parameters, validation)
     given = {"train": train, "held_out": tested, "where": "validation data", "folds": None}
-    given |= {"noise": np.zeros(model.joints, dtype=bool), **compared(model, found, validation or [data])}
+    given |= {"noise": np.zeros(model.joints, dtype=bool), **assess(model, found, validation or [data])}
     return Quality(arm=model.arm, estimate=found, **given)
 
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 
 from sidegan.identification import estimate
-from sidegan.identification.consistent import pulled
+from sidegan.identification.consistent import fit_with_pull
 from sidegan.identification.model import scales
 from sidegan.robot import pseudo_inertia
 from tests.identification.recordings import model_of, recorded, truth_of
@@ -31,7 +31,7 @@ class TestFit:
         other, model = model_of(replace(arm, inertial_parameters=links)), model_of(arm)
         data, truth = recorded(other, 600, noise=0.05), truth_of(other)
         plain = estimate("weighted", model, data)
-        _, pull = pulled(model, *plain.sums.weighted(plain.weights))
+        _, pull = fit_with_pull(model, *plain.sums.weighted(plain.weights))
         assert float(pull.strength[-1]) < 0.1 < 1.5 < float(pull.strength[1:-1].min())
         worst = {}
         for setting in (None, 1.0):
@@ -59,7 +59,7 @@ class TestFit:
         model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)
         plain, strength = estimate("weighted", model, recorded(model, 200, noise=1.0)), 2.0
         information, moment = plain.sums.weighted(plain.weights)
-        standard, _ = pulled(model, information, moment, strength)
+        standard, _ = fit_with_pull(model, information, moment, strength)
         links = standard.reshape(-1, 10)
         assert (least_eigenvalues(links, planar) > 2e-4).all(), "a bound is active"
         misfit = model.mapping.T @ (information @ model.mapping @ standard - moment)

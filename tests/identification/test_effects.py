@@ -8,7 +8,7 @@ import pytest
 
 from sidegan.errors import ConfigError
 from sidegan.identification import Measurements, TorqueModel, estimate
-from sidegan.identification.effects import KINDS, Effects
+from sidegan.identification.effects import EFFECT_KINDS
 from sidegan.identification.evidence import effects_of
 from sidegan.identification.verdict import BAD, GOOD
 from sidegan.report.identification import Origin, write_results
@@ -20,10 +20,12 @@ from tests.identification.recordings import (
     identified,
     model_of,
     multisine,
+    planted,
     truth_of,
     white,
 )
 from tests.pipeline.test_identify import python_class
+from tests.refusals import refused
 
 NOISE = 0.5  # [N·m]
 SIZE = 5 * NOISE  # of each form
@@ -33,15 +35,6 @@ ALIKE = 1.2  # largest ratio of errors to those of the model that made the torqu
 @pytest.fixture(scope="module")
 def model(arm):
     return model_of(arm)
-
-
-def plant(model, *chosen):
-    """The model with effects, and its true parameters."""
-    load = truth_of(model)[: model.moved]
-    moved = model.regressor(*multisine(model.joints, 1000))[..., : model.moved] @ load
-    effects = Effects(sorted(chosen), load, np.sqrt(np.square(moved).mean(0)))
-    true = TorqueModel(model.body, model.terms, effects)
-    return true, np.append(truth_of(model), np.full(true.count - model.count, SIZE))
 
 
 def recorded(model, parameters, seed, noise=NOISE):
@@ -55,12 +48,14 @@ def squares(model, parameters, exact):
     return np.square(exact.torque - model.torque(parameters, *exact.states)).mean(0)
 
 
-PLANTED = {kind: ((1, kind),) for kind in KINDS} | {"three": ((0, "near_rest"), (1, "load"), (3, "position"))}
+PLANTED = {kind: ((1, kind),) for kind in EFFECT_KINDS} | {
+    "three": ((0, "near_rest"), (1, "load"), (3, "position"))
+}
 
 
 @pytest.mark.parametrize("chosen", PLANTED.values(), ids=PLANTED)
 def test_planted_effects_become_terms_that_predict_as_well_as_the_truth(model, chosen):
-    true, parameters = plant(model, *chosen)
+    true, parameters = planted(model, chosen, SIZE)
     data = [recorded(true, parameters, seed) for seed in (0, 1)]
     found = effects_of(model, [[part] for part in data])
     assert [(effect.joint, effect.kind) for effect in found.each] == [*chosen]
@@ -80,7 +75,7 @@ def test_noise_gives_no_terms(model, parts):
 
 def test_the_load_is_that_of_pinocchio(model, arm):
     """Friction that grows with the load, and a rotor's, in closed form."""
-    true, parameters = plant(model, (1, "load"))
+    true, parameters = planted(model, [(1, "load")], SIZE)
     q, dq, ddq = states = multisine(model.joints, 50, 3)
     robot = pinocchio.buildModelFromUrdf(str(arm.urdf))
     robot.armature = FRICTION["rotor_inertia"] * np.linspace(1.0, 0.4, model.joints)  # as in truth_of
@@ -90,18 +85,13 @@ def test_the_load_is_that_of_pinocchio(model, arm):
     np.testing.assert_allclose(true.torque(parameters, q, dq, ddq)[:, 1], (plain + added)[:, 1], atol=1e-8)
 
 
-def arm_joint(model, joint):
-    return model.arm.joint_names[joint]
-
-
 def test_wanted_effects_are_kept_and_unknown_joints_refused(model):
     data = [[recorded(model, truth_of(model), seed)] for seed in (0, 1)]
-    found = effects_of(model, data, {arm_joint(model, 2): ["load", "direction", "load"]})
+    found = effects_of(model, data, {model.arm.joint_names[2]: ["load", "direction", "load"]})
     assert [(effect.joint, effect.kind) for effect in found.each] == [(2, "direction"), (2, "load")]
     assert effects_of(model, data, {}).effects is None
-    with pytest.raises(ConfigError) as error:
+    with refused(ConfigError, "wrist", model.arm.joint_names[0]):
         effects_of(model, data, {"wrist": ["load"]})
-    assert "wrist" in str(error.value) and arm_joint(model, 0) in str(error.value)
 
 
 def stiff(made):

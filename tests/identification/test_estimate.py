@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.signal import butter, sosfiltfilt
 
 from sidegan.base.arrays import split
-from sidegan.identification.estimate import METHODS, estimate
-from sidegan.identification.fit import gather, inflation_of, least_squares, reweighted
+from sidegan.identification.estimate import ESTIMATORS, estimate
+from sidegan.identification.fit import gather, inflation_of, least_squares, weighted_least_squares
 from sidegan.robot import load_robot
 from tests.identification import recordings
 from tests.identification.recordings import (
@@ -43,7 +43,7 @@ def test_condition_is_that_of_scaled_columns(rows):
 
 
 class TestLaws:
-    @pytest.mark.parametrize("method", METHODS)
+    @pytest.mark.parametrize("method", ESTIMATORS)
     def test_exact_torques_give_the_true_parameters(self, planar, method):
         model = model_of(planar)
         found = estimate(method, model, recorded(model, 600))
@@ -158,7 +158,7 @@ class TestOracles:
         assert_close(fit.inverse, covariance, rounding)
 
     def test_weights_are_the_inverse_residual_deviations(self):
-        fit = fed(*ROWS, fit=reweighted)
+        fit = fed(*ROWS, fit=weighted_least_squares)
         parameters, inverse = batch(*ROWS, 1e6, fit.weights)
         assert_close(fit.parameters, parameters)
         assert_close(fit.inverse, inverse)

@@ -13,7 +13,13 @@ from sidegan.design.objective import Objective
 from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import design_set
 from sidegan.identification import FULL, estimate
-from sidegan.identification.goals import Parameters, Prediction, Tool, Uncertain, unmeasured
+from sidegan.identification.goals import (
+    Parameters,
+    Tool,
+    TorquePrediction,
+    Uncertain,
+    uncertainty_of_description,
+)
 from sidegan.identification.model import states_within
 from sidegan.identification.payload import with_load
 from sidegan.motion.trajectory import Trajectory
@@ -32,7 +38,7 @@ def problem(planar):
 
 
 def aim_of(problem, objective):
-    return unmeasured(problem.body, TERMS, replace(GOAL, objective=objective))
+    return uncertainty_of_description(problem.body, TERMS, replace(GOAL, objective=objective))
 
 
 def known_and_motion(model, seed, samples=200):
@@ -79,7 +85,7 @@ def test_predicted_torques_err_as_the_covariance_says(arm):
     model = model_of(arm)
     known, motion = known_and_motion(model, 5)
     usual = np.linspace(5, 50, arm.joints)
-    goal = Prediction(model, np.ones(model.count), usual)
+    goal = TorquePrediction(model, np.ones(model.count), usual)
     q, dq, ddq = states_within(arm, 400, seed=1)
     y = model.regressor(q, 0.5 * dq, 0.5 * ddq)
     variance = np.einsum("sjp,pq,sjq->sj", y, np.linalg.inv(known + motion), y).mean(0) / usual**2

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from sidegan.identification import Measurements, estimate
-from sidegan.identification.effects import KINDS, PLACES, forms
+from sidegan.identification.effects import EFFECT_KINDS
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.residuals import BIASED, find_unmodelled, is_noise
 from sidegan.identification.verdict import USABLE
@@ -19,6 +19,7 @@ from tests.identification.recordings import (
     judged,
     model_of,
     multisine,
+    planted,
     truth_of,
     white,
 )
@@ -104,7 +105,6 @@ def test_a_joint_drowned_in_noise_is_judged_separately(planar):
 SAMPLES = 6000
 SIZE = 4.0  # [N·m] of a planted misfit
 NOISE = 0.5  # [N·m]
-FORMS = PLACES["ripple"].stop
 NAMES = [f"joint {j + 1}" for j in range(7)]
 
 
@@ -113,43 +113,32 @@ def model(arm):
     return model_of(arm)
 
 
-def planted(model, states, amounts):
-    """Torque of the model with its true parameters, and misfits of so much of each form, (J, K)."""
-    q, dq, _ = states
-    torque = model.torque(truth_of(model), *states)
-    load = model.regressor(*states)[..., : model.moved] @ truth_of(model)[: model.moved]
-    scale = np.sqrt(np.square(model.torque(truth_of(model), *multisine(model.joints, SAMPLES))).mean(0))
-    return torque + np.einsum("ksj,jk->sj", forms(q, dq, model.terms.sign(dq), load / scale), amounts)
-
-
 def one_each(model):
-    """Amounts of a misfit of another kind at every joint, (J, K)."""
-    amounts = np.zeros((model.joints, FORMS))
-    for j, places in enumerate(PLACES.values()):
-        amounts[j, places] = SIZE
-    return amounts
+    """A model with an effect of another kind at every joint, and its true parameters."""
+    return planted(model, [*enumerate(EFFECT_KINDS)], SIZE)
 
 
-def recorded(model, amounts, keep=0.0, moves=1.0):
-    states = [moves * x for x in multisine(model.joints, SAMPLES)]
+def recorded(true, parameters, keep=0.0, moves=1.0):
+    """Measurements of a model at states, with noise of which a share is kept from sample to sample."""
+    states = [moves * x for x in multisine(true.joints, SAMPLES)]
     draw = np.random.default_rng(0).standard_normal(states[0].shape)
     draw[1:] *= (1 - keep**2) ** 0.5
     noise = NOISE * lfilter([1.0], [1.0, -keep], draw, axis=0)
-    return Measurements(*states, planted(model, states, amounts) + noise)
+    return Measurements(*states, true.torque(parameters, *states) + noise)
 
 
 @pytest.fixture(scope="module")
 def flawed(model):
     """Measurements with a misfit of another kind at every joint, their estimate, and what is found."""
-    data = recorded(model, one_each(model))
+    data = recorded(*one_each(model))
     fitted = estimate("weighted", model, data)
     return data, fitted, find_unmodelled(model, fitted, data)
 
 
 def test_each_kind_is_found_at_its_joint_and_nowhere_else(flawed):
     *_, found = flawed
-    assert [misfit.joint for misfit in found.found] == [*range(len(KINDS))]
-    assert [misfit.kind for misfit in found.found] == [kind.words for kind in KINDS.values()]
+    assert [misfit.joint for misfit in found.found] == [*range(len(EFFECT_KINDS))]
+    assert [misfit.kind for misfit in found.found] == [kind.words for kind in EFFECT_KINDS.values()]
     assert all(0.2 < misfit.share <= 1 for misfit in found.found)
 
 
@@ -157,15 +146,15 @@ def test_the_predicted_errors_are_those_of_the_identified_model(model, flawed):
     """Against the plant itself, without noise, at the states where the model is to hold."""
     _, fitted, found = flawed
     states = model.usual_states(seed=5)
-    true = planted(model, states, one_each(model))
-    actual = np.sqrt(np.square(true - model.torque(fitted.parameters, *states)).mean(0))
-    usual = np.sqrt(np.square(model.torque(fitted.parameters, *states)).mean(0))
+    true, parameters = one_each(model)
+    torque, predicted = true.torque(parameters, *states), model.torque(fitted.parameters, *states)
+    actual, usual = (np.sqrt(np.square(x).mean(0)) for x in (torque - predicted, predicted))
     np.testing.assert_allclose(found.error, actual / usual, rtol=0.2)
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.9], ids=["white", "coloured"])
 def test_noise_is_not_taken_for_misfit(model, keep):
-    data = recorded(model, np.zeros((model.joints, FORMS)), keep)
+    data = recorded(model, truth_of(model), keep)
     found = find_unmodelled(model, estimate("weighted", model, data), data)
     assert found.found == () and (found.error == 0).all()
     (words,) = found.sentences(NAMES, np.zeros(model.joints))
@@ -184,7 +173,7 @@ def test_bias_and_noise_are_reported_separately(model, flawed):
 
 def test_a_joint_at_rest_shows_no_misfit(model):
     moves = np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0])
-    data = recorded(model, one_each(model), moves=moves)
+    data = recorded(*one_each(model), moves=moves)
     found = find_unmodelled(model, estimate("weighted", model, data), data)
     assert np.isfinite(found.error).all()
     assert {misfit.joint for misfit in found.found} == {0, 1, 3, 4, 5, 6}

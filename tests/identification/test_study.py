@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sidegan.identification import RIGID, Noise, TorqueModel, disturbed, measure, study
+from sidegan.identification import RIGID, Noise, TorqueModel, add_noise, exact_measurements, study
 from sidegan.identification.fit import gather
 from sidegan.motion.trajectory import Trajectory
 from tests.identification.recordings import NOISE, study_settings
@@ -67,7 +67,7 @@ def test_summed_sets_identify_like_the_union(body, families):
         study.measured_sums(body, sets[name], exact, [random], lambda *_: None)
         for name in ("seeds", "long-6")
     )
-    results, facts = study.combined(body, {"one": [seeds], "both": [seeds, long]}, tests, exact)
+    results, facts = study.combined_errors(body, {"one": [seeds], "both": [seeds, long]}, tests, exact)
     assert results.nmse.max() < 1e-8 and len(results) == 2 * 2 * 2
     facts = facts.set_index("set")
     assert facts.samples.to_dict() == {"one": 322, "both": 322 + 321}
@@ -78,9 +78,9 @@ def test_draws_sharing_a_regressor_have_the_same_sums_as_alone(body, families):
     noisy, draws = study_settings(), np.random.SeedSequence(3).spawn(3)
     together = summed(body, families[0]["seeds"], noisy, draws)
     family, c = families[0]["seeds"]
-    exact = measure(body, family.roll_out(c, family.times(noisy.rate)))
+    exact = exact_measurements(body, family.roll_out(c, family.times(noisy.rate)))
     for sums, draw in zip(together, draws, strict=True):
-        samples = disturbed(exact, noisy.noise, np.random.default_rng(draw), len(c))
+        samples = add_noise(exact, noisy.noise, np.random.default_rng(draw), len(c))
         for found, wanted in zip(sums, gather(TorqueModel(body, RIGID), samples).sums):
             np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
 
@@ -120,9 +120,9 @@ def motion():
 
 
 def test_noise_is_uniform_relative_to_the_signal(body, motion):
-    exact = measure(body, motion)
+    exact = exact_measurements(body, motion)
     clean = stack(exact)
-    added = stack(disturbed(exact, Noise(state=True), np.random.default_rng(1))) - clean
+    added = stack(add_noise(exact, Noise(state=True), np.random.default_rng(1))) - clean
     moving = clean != 0  # at rest there is none
     share = added[moving] / clean[moving]
     assert 0.0995 < np.abs(share).max() <= 0.1 + 1e-9
@@ -132,10 +132,10 @@ def test_noise_is_uniform_relative_to_the_signal(body, motion):
 
 
 def test_the_noise_of_a_signal_does_not_depend_on_other_signals(body, motion):
-    clean = measure(body, motion)
+    clean = exact_measurements(body, motion)
     assert all(np.array_equal(x, true.reshape(300, 2)) for x, true in zip(clean.states, motion[1:]))
     torque, state, both = (
-        disturbed(clean, Noise(torque=noisy[0], state=noisy[1]), np.random.default_rng(1))
+        add_noise(clean, Noise(torque=noisy[0], state=noisy[1]), np.random.default_rng(1))
         for noisy in ((True, False), (False, True), (True, True))
     )
     assert all(np.array_equal(x, y) for x, y in zip(torque.states, clean.states))
@@ -146,7 +146,7 @@ def test_the_noise_of_a_signal_does_not_depend_on_other_signals(body, motion):
 
 
 def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion):
-    exact, noise, random = measure(body, motion), Noise(state=True), np.random.default_rng(5)
-    whole = stack(disturbed(exact, noise, np.random.default_rng(5), batch=2))
-    parts = [stack(disturbed(part, noise, random)) for part in (exact[:150], exact[150:])]
+    exact, noise, random = exact_measurements(body, motion), Noise(state=True), np.random.default_rng(5)
+    whole = stack(add_noise(exact, noise, np.random.default_rng(5), batch=2))
+    parts = [stack(add_noise(part, noise, random)) for part in (exact[:150], exact[150:])]
     np.testing.assert_array_equal(whole, np.concatenate(parts, 1))

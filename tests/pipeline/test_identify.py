@@ -3,7 +3,6 @@
 import importlib.util
 import json
 import shlex
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -12,7 +11,6 @@ import pinocchio as pin
 import pytest
 
 from sidegan.cell import Cell
-from sidegan.identification import Terms, TorqueModel
 from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
@@ -114,13 +112,12 @@ def by_mujoco(folder):
 def by_pinocchio(folder):
     """Pinocchio's inverse dynamics of the URDF with its friction, and its damping and friction."""
     urdf = pin.buildModelFromUrdf(str(folder / "planar2.urdf"))
-    data = urdf.createData()
     viscous, coulomb = urdf.damping, urdf.upperDryFrictionLimit
-    return (
-        (lambda q, dq, ddq: pin.rnea(urdf, data, q, dq, ddq) + viscous * dq + coulomb * np.sign(dq)),
-        viscous,
-        coulomb,
-    )
+
+    def torque(q, dq, ddq):
+        return pin.rnea(urdf, urdf.createData(), q, dq, ddq) + viscous * dq + coulomb * np.sign(dq)
+
+    return torque, viscous, coulomb
 
 
 @pytest.mark.parametrize(("read", "apart"), [(by_pinocchio, 1e-9), (by_mujoco, 1e-6)])
@@ -189,25 +186,6 @@ def test_a_changed_recording_gives_another_model(context, files, tmp_path):
         identify.model(context(*given(*files[:2], last), experiment="identify")) for last in (files[2], copy)
     )
     assert first.digest != other.digest
-
-
-def test_the_python_class_uses_the_weighted_model_if_better(planar, tmp_path):
-    """An arm whose second link has moments of inertia below zero, as unmodelled effects may make it look."""
-    links = planar.inertial_parameters.copy()
-    links[1, 4:] *= -2
-    strange = replace(planar, inertial_parameters=links)
-    names = [write(tmp_path, f"{seed}.csv", strange, seed) for seed in range(2)]
-    verdict, folder = identified(tmp_path, *given(*names))
-    assert verdict["use"] == "weighted" and "Use the weighted" in verdict["advice"]
-    assert "Method: weighted" in (folder / "arm.h").read_text()
-    numbers = json.loads((folder / "parameters.json").read_text())
-    terms = Terms(sign_width=numbers["sign_width"])
-    body = TorqueModel(RigidBody(planar), terms)
-    assert list(body.names) == numbers["names"]
-    states = np.random.default_rng(1).standard_normal((3, 20, 2))
-    expected = body.torque(np.array(numbers["parameters"], float), *states)
-    np.testing.assert_allclose(python_class(folder).torque(*states), expected, rtol=0, atol=1e-9)  # N·m
-    mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))  # of the consistent one: it exists
 
 
 NASTY = """it's 50% (of) a, b [1] = {x} ${y} "ä" """.strip()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sidegan.base.storage import write_json
-from sidegan.identification.effects import KINDS as EFFECTS
+from sidegan.identification.effects import EFFECT_KINDS
 from sidegan.report.identification.arm_dynamics import ArmDynamics
 from sidegan.report.identification.c_header import c_header
 from sidegan.robot import Drives, write_mjcf
@@ -37,7 +37,7 @@ def write(folder, arm, kinds=KINDS):
     random, joints = np.random.default_rng(0), arm.joints
     terms = {kind: random.normal(size=joints).tolist() for kind in kinds}
     links = random.normal(size=(joints, 10)).tolist()
-    letters = [letter for kind in EFFECTS.values() for letter in kind.letters] if kinds == KINDS else []
+    letters = [letter for kind in EFFECT_KINDS.values() for letter in kind.letters] if kinds == KINDS else []
     effects = {f"{letter}{k % joints + 1}": float(random.normal()) for k, letter in enumerate(letters)}
     use = {"method": "weighted", "inertial_parameters": links, "terms": terms, "effects": effects}
     numbers = {"joints": [*arm.joint_names], "gravity": arm.gravity.tolist(), "sign_width": 0.3, "use": use}

@@ -8,7 +8,7 @@ import pytest
 from sidegan.identification.estimate import Score
 from sidegan.report.identification import results
 from sidegan.report.identification.content import Origin, parameter_table
-from sidegan.report.identification.results import number, report_html
+from sidegan.report.identification.results import format_number, report_html
 from tests.identification import recordings
 from tests.report.pages import Page
 
@@ -93,7 +93,7 @@ NUMBERS = {1.23456: "1.235", -2.5e-7: "-2.5e-7", 1.5e12: "1.5e12", -3e-17: "0", 
 
 @pytest.mark.parametrize(("value", "text"), NUMBERS.items())
 def test_numbers_are_rounded_for_reading(value, text):
-    assert number(value) == text
+    assert format_number(value) == text
 
 
 def test_parameters_of_sliding_joints_have_their_units(identified):

@@ -34,7 +34,8 @@ _MODULES = {  # the stages in each file of this folder
     "replication": ["replication"],
     "discussion": ["density", "timing"],
     "excite": ["excite"],
-    "identify": ["check", "identify", "payload", "gains"],
+    "identify": ["check", "identify"],
+    "payload": ["payload", "gains"],
     "table": ["table"],
 }
 STAGES = {name: module for module, names in _MODULES.items() for name in names}

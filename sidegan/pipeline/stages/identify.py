@@ -1,47 +1,36 @@
-"""Stages that read recordings of a real arm: check, identify, payload and gains."""
+"""Stages check and identify: recordings of a real arm, and its model."""
 
 import hashlib
 import logging
 import shutil
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
-from sidegan.base.storage import file_digest, read_json, reading, replacing, write_json
+from sidegan.base.storage import file_digest, read_json, reading, replacing
 from sidegan.errors import ConfigError, RecordingError
-from sidegan.identification.identified import measurements_of
-from sidegan.identification.model import TorqueModel
-from sidegan.identification.payload import VALUES, drive_gains, identify_payload
 from sidegan.identification.residuals import BIASED
-from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.store import PARAMS
 from sidegan.pipeline.tracking import Tracker
-from sidegan.recording.checked import CheckedRecording, Role
 from sidegan.recording.commanded import commanded_files
 from sidegan.recording.load import files_of
-from sidegan.recording.overlap import refuse_shared
-from sidegan.recording.read import read_and_check
-from sidegan.recording.settings import Files, Recorded, RecordingSettings
-from sidegan.report.export import publish, show
+from sidegan.recording.settings import Files, Recorded
+from sidegan.report.export import show
 from sidegan.report.identification import REPORT, VERDICT, check_table, write_checks
 from sidegan.robot import Arm, describe_doubtful_links
 from sidegan.steps import identify as steps
 
-_UNITS = ["kg", *["m"] * 3, *["kg·m²"] * 6]  # of a load's values
 _log = logging.getLogger(__name__)
 
 
 def model(run: RunContext) -> Artifact:
     """The model identified from the configured recordings."""
     cfg = run.cfg
-    arm = _recorded_arm(run)
+    arm = configured_arm(run)
     files = _files("recordings", cfg.recordings) | _files("validation", cfg.held_out)
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
     sent = [] if cfg.recording.sent is None else commanded_files(Path(cfg.recording.sent))
@@ -82,7 +71,7 @@ def _digest(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _recorded_arm(run: RunContext) -> Arm:
+def configured_arm(run: RunContext) -> Arm:
     """The recorded arm; joints that stand still and have no recorded torque are locked."""
     cfg = run.cfg
     if not cfg.robot.name:
@@ -143,78 +132,12 @@ def _show_check(run: RunContext, tracker: Tracker) -> None:
     tracker.log_artifact(path, "identify")
 
 
-def _both(
-    run: RunContext, arm: Arm, recording: RecordingSettings, gains: list[float] | None
-) -> list[list[CheckedRecording]]:
-    """Recordings without and with the load, checked and preprocessed; a ConfigError if none have it."""
-    cfg = run.cfg
-    if not cfg.loaded:
-        raise ConfigError("loaded is empty, expected recordings with the load: 'loaded=[a.csv]'")
-    files: list[tuple[Recorded, Role]] = [(file, "training") for file in cfg.recordings]
-    files += [(file, "loaded") for file in cfg.loaded]
-    found = read_and_check(files, arm, recording, gains, cfg.model.sign_width)
-    refuse_shared([(recording.name, recording.statistics.rows) for recording in found])
-    return [found[: len(cfg.recordings)], found[len(cfg.recordings) :]]
-
-
-def _show_payload(run: RunContext, tracker: Tracker) -> None:
-    """Identify the load, and write it to the run's folder: SI units, inertia about the centre of mass."""
-    cfg, folder = run.cfg, run.store.run_folder
-    arm = _recorded_arm(run)
-    unloaded, loaded = map(measurements_of, _both(run, arm, cfg.recording, cfg.robot.gains))
-    found = identify_payload(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded)
-    values, deviation = found.values.tolist(), found.deviation.tolist()
-    content = {"link": found.link, "certain": found.certain, **dict(zip(VALUES, values))}
-    content |= {"deviation": dict(zip(VALUES, deviation)), "inertial_parameters": found.body.tolist()}
-    content |= {"least_squares": found.estimate.tolist(), "covariance": found.covariance.tolist()}
-    content["nmse"] = {"without": found.without.tolist(), "with": found.explained.tolist()}
-    write_json(folder / "payload.json", content)
-    shown = {name: [f"{x:.4g}" for x in column] for name, column in (("value", values), ("σ", deviation))}
-    table = pd.DataFrame({**shown, "unit": _UNITS}, index=pd.Index(VALUES, name="load"))
-    caption = (
-        f"Load of {arm.name}, in the frame of {found.link}, inertia about the centre of mass; mean nMSE of "
-        f"the loaded runs: {found.without.mean():.3g} modelled without a load, {found.explained.mean():.3g} "
-        f"with this one"
-    )
-    publish(table, folder / "payload", caption, tracker)
-    place = ", ".join(f"{x:.4f} ± {s:.1g}" for x, s in zip(values[1:4], deviation[1:4]))
-    words = (
-        f"{values[0]:.3f} ± {deviation[0]:.1g} kg, centre of mass ({place}) m in the frame of {found.link}"
-    )
-    none = f"none that can be detected ({values[0]:.2g} ± {deviation[0]:.1g} kg)"
-    _log.info("load: %s", words if found.certain else none)
-
-
-def _show_gains(run: RunContext, tracker: Tracker) -> None:
-    """Identify the gains, and write them to the run's folder; log them as a setting if all are certain."""
-    cfg, folder = run.cfg, run.store.run_folder
-    arm = _recorded_arm(run)
-    currents = replace(cfg.recording, torque=None)
-    parts = _both(run, arm, currents, [1.0] * arm.joints)  # unit gains: "torques" are currents
-    against = [np.any([x.agreement.runs_against() for x in part], 0) for part in parts]
-    unloaded, loaded = map(measurements_of, parts)
-    body = TorqueModel(RigidBody(arm), cfg.model)
-    found = drive_gains(body, unloaded, loaded, cfg.load.parameters, against[0] & against[1])
-    gains, deviation = found.gains.tolist(), found.deviation.tolist()
-    joints = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}
-    write_json(folder / "gains.json", {**joints, "gain": gains, "deviation": deviation})
-    shown = {"gain [N·m/A]": [f"{x:.4g}" for x in gains], "σ": [f"{x:.2g}" for x in deviation]}
-    table = pd.DataFrame(shown, pd.Index(arm.joint_names, name="joint"))
-    publish(table, folder / "gains", f"Drive gains of {arm.name} (load: {cfg.load.mass:g} kg)", tracker)
-    for doubt in (doubts := found.doubts(arm)):
-        _log.warning("robot.gains cannot be set: %s", doubt)
-    if not doubts:
-        _log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))
-
-
 def _warn_doubtful_links(run: RunContext) -> None:
-    if doubtful := describe_doubtful_links(_recorded_arm(run)):
+    if doubtful := describe_doubtful_links(configured_arm(run)):
         _log.warning("%s; identification starts from the nearest possible ones", doubtful)
 
 
 STAGES = {
-    "check": Stage(show=_show_check, check=_recorded_arm),
+    "check": Stage(show=_show_check, check=configured_arm),
     "identify": Stage(lambda run: [model(run)], _show, _warn_doubtful_links),
-    "payload": Stage(show=_show_payload, check=_recorded_arm),
-    "gains": Stage(show=_show_gains, check=lambda run: (_recorded_arm(run), run.cfg.load.parameters)),
 }

@@ -12,7 +12,7 @@ from sidegan.base.parallel import Report
 from sidegan.base.storage import read_arrays, readable, write_arrays, write_parquet
 from sidegan.identification import Noise
 from sidegan.identification.settings import Reading
-from sidegan.identification.study import combined, measured_sums
+from sidegan.identification.study import combined_errors, measured_sums
 from sidegan.identification.sums import Sums
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import FACTS, RESULTS, RunContext
@@ -140,7 +140,7 @@ def _combine(run: RunContext, build: Build, reading: Reading) -> None:
             of_training = [(pool, parts) for pool, parts in others if pool.training == training]
             jobs.append((training, {pool.name: [first[0], *parts[repeat]] for pool, parts in of_training}))
         for training, sets in jobs:
-            errors, facts = combined(run.cell.body, sets, tests, study)
+            errors, facts = combined_errors(run.cell.body, sets, tests, study)
             fitted = {name: _fitted_norm(reduce(Sums.plus, x), first[0]) for name, x in sets.items()}
             facts["fitted_norm"] = facts["set"].map(fitted)
             tables.append(tuple(x.assign(training=training, repeat=repeat) for x in (errors, facts)))

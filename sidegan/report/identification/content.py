@@ -8,15 +8,14 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.names import listed
-from sidegan.identification.estimate import shown
+from sidegan.identification.estimate import nmse_text
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.payload import VALUES, values_of
 from sidegan.identification.verdict import BAD, Quality, joint_of
-from sidegan.identification.workflow import excess
+from sidegan.identification.workflow import error_ratio
 from sidegan.recording.checked import CheckedRecording
 
 _NAMED = 6  # joints or parameters in a sentence, at most
-_NAMES = {EQUAL_WEIGHTS: "equal weights"}  # labels of methods
 _UNITS = {
     **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
     **{"m": "kg", "I": "kg·m²", "Ia": "kg·m²"},
@@ -39,13 +38,13 @@ class Origin(NamedTuple):
 
 def headline(identified: IdentifiedArm) -> str:
     """The verdict, and the error that it is based on."""
-    error = shown(identified.tested[identified.use].nmse_mean)
+    error = nmse_text(identified.tested[identified.use].nmse_mean)
     return f"{identified.quality.verdict}: mean nMSE {error} ({identified.kind})"
 
 
 def advice(identified: IdentifiedArm) -> str:
     """Which model to use and why, and the error of the description, a sentence each."""
-    error = shown(identified.quality.nominal_score.nmse_mean)
+    error = nmse_text(identified.quality.nominal_score.nmse_mean)
     described = f"The description's own links, with friction fitted to the data, have a mean nMSE of {error}"
     return f"{_use(identified)} {described} on {identified.quality.where}."
 
@@ -65,14 +64,14 @@ def _use(identified: IdentifiedArm) -> str:
             "Use the consistent model, whose links are physically possible: nothing was held out to compare "
             f"it with the others. {_held(identified)}"
         )
-    consistent, other = (shown(identified.tested[name].nmse_mean) for name in (CONSISTENT, method))
+    consistent, other = (nmse_text(identified.tested[name].nmse_mean) for name in (CONSISTENT, method))
     compared = f"mean nMSE {consistent} against {other} of the {method} one, {identified.kind}"
     if use == CONSISTENT:
         return (
             "Use the consistent model: physically possible links predict as well or better "
             f"({compared}). {_held(identified)}"
         )
-    worse = excess(method, identified.tested)
+    worse = error_ratio(method, identified.tested)
     return (
         f"Use the {method} model, which is in the Python class and the C header: no physically possible "
         f"links predict as well, their nMSE is {worse:.2g} times as large, geometric mean over joints "
@@ -120,13 +119,15 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
 
 def facts(identified: IdentifiedArm) -> dict[str, str]:
     """Key figures at the top of the report."""
-    quality, chosen, use = identified.quality, identified.chosen, identified.use
-    errors = {name: shown(score.nmse_mean) for name, score in identified.tested.items()}
-    names = {name: _NAMES.get(name, name) for name in (chosen.method, EQUAL_WEIGHTS, CONSISTENT)}
-    advised = use if quality.verdict != BAD else None
+    quality, chosen = identified.quality, identified.chosen
+    errors = {}
+    for method, score in identified.tested.items():
+        name = "equal weights" if method == EQUAL_WEIGHTS else method
+        advised = method == identified.use and quality.verdict != BAD
+        errors[f"nMSE, {name} (use this)" if advised else f"nMSE, {name}"] = nmse_text(score.nmse_mean)
     return {
-        **{f"nMSE, {name}" + " (use this)" * (key == advised): errors[key] for key, name in names.items()},
-        "nMSE, description": shown(quality.nominal_score.nmse_mean),
+        **errors,
+        "nMSE, description": nmse_text(quality.nominal_score.nmse_mean),
         "condition number": f"{chosen.condition:.3g}",
         "parameters": f"{identified.model.count}, {len(quality.weak)} weak",
         "samples": f"{chosen.samples}",

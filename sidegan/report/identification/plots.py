@@ -16,7 +16,7 @@ _WIDE, _PIXEL = 11.25, 1 / 96  # width of a section, and size of a pixel [inch]
 _CURVE, _CLOUD = 101, 300  # points of a friction curve, and samples around it
 
 
-def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
+def torque_figure(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
     """Measured torque of a recording, the recommended model's and their difference, a row per joint."""
     titles = _titles(identified)
     figure = canvas.blank(_WIDE, (104 * len(titles) + 80) * _PIXEL)
@@ -38,7 +38,7 @@ def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
     return _with_legend(figure, rows[0])
 
 
-def friction(identified: IdentifiedArm) -> Figure:
+def friction_figure(identified: IdentifiedArm) -> Figure:
     """Friction against velocity: the identified law, over samples of torque minus the rigid body's."""
     model = identified.model
     theta = identified.used.parameters

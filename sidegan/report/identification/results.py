@@ -43,7 +43,7 @@ _COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
 def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> None:
     """Write all results of an identification into a folder."""
     arm = identified.model.arm
-    urdf, mjcf = (f"{folder_name(arm.name)}.{end}" for end in ("urdf", "xml"))
+    urdf, mjcf = f"{folder_name(arm.name)}.urdf", f"{folder_name(arm.name)}.xml"
     numbers = model_numbers(identified)
     names = [recording.name for recording in identified.training]
     write_checks(identified.recordings, folder)
@@ -76,7 +76,7 @@ def report_html(identified: IdentifiedArm, origin: Origin, files: Mapping[str, S
 
     return web_page(
         "identification/report.html.jinja",
-        {"number": number},
+        {"number": format_number},
         identified=identified,
         origin=origin,
         files=files,
@@ -89,7 +89,7 @@ def report_html(identified: IdentifiedArm, origin: Origin, files: Mapping[str, S
     )
 
 
-def number(value: float, digits: int = 4) -> str:
+def format_number(value: float, digits: int = 4) -> str:
     """A number as text: ``1.234``, ``1.2e-5``, or a dash if it is not finite."""
     if not math.isfinite(value):
         return "—"
