@@ -1,4 +1,4 @@
-"""docs/architecture.md has the rooms' order and the doors of heavy packages that ``lint-imports`` enforces."""
+"""docs/architecture.md has the order of rooms and the doors of packages that ``lint-imports`` enforces."""
 
 import re
 import tomllib
