@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 
 from sidegan.report.canvas import blank, from_zero, legend, letter, logarithmic, tidy
 from sidegan.report.style import colour, colours
-from sidegan.report.tables import NAMES, ordered, title, weighting
+from sidegan.report.tables import METRIC_LABELS, sort_sets, title, weighting
 
 METRICS = ["invalid", "condition", "condition_mean", "error", "error_constant", "distance"]  # of a generator
 METRICS += ["cosine", "rank_uncentred", "distance_diagonal"]
 _SCALE = {"condition_mean": "condition", "error_constant": "error"}  # whose axis a metric shares
-_LABELS = NAMES | {"invalid": "invalid share", "distance": "mean distance [rad/s]"}
+_LABELS = METRIC_LABELS | {"invalid": "invalid share", "distance": "mean distance [rad/s]"}
 _CLOUD = 200  # points of a set
 
 
@@ -35,7 +35,7 @@ def panels(
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
     figure = blank(3.7 * columns + 0.5, 3.1 * rows + 0.6)
-    variants = ordered(frame.variant.unique())
+    variants = sort_sets(frame.variant.unique())
     handles: dict[str, Any] = {}
     axes = dict(zip(shown, figure.subplots(rows, columns, squeeze=False).ravel()))
     for metric, axis in axes.items():
@@ -64,7 +64,7 @@ def panels(
 def errors(raw: pd.DataFrame) -> Figure:
     """NMSE by joint and set, unweighted and weighted: means, and whiskers over the range."""
     figure = blank(11, 4.4)
-    names = ordered(raw["set"].unique())
+    names = sort_sets(raw["set"].unique())
     joints = list(dict.fromkeys(raw.joint))
     places = np.arange(len(joints)) - 0.4
     parts = raw.groupby("weighted")

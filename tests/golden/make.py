@@ -2,8 +2,8 @@
 
 `python -m tests.golden.make` makes them anew, which is a decision, not a repair. Every machine starts from
 the same inputs: PCG64's own bits, which no version of numpy changes, over powers of two, and what is stored.
-Arms are chains that were drawn once, two with the axes of a UR10 and a Panda; their shapes are capsules, which
-nothing has to fit.
+Arms are chains that were drawn once, two with the axes of a UR10 and a Panda; their shapes are capsules,
+which nothing has to fit.
 """
 
 import json
