@@ -70,14 +70,14 @@ def errors(raw: pd.DataFrame) -> Figure:
     parts = raw.groupby("weighted")
     axes = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
     for axis, (weighted, part) in zip(axes, parts):
-        groups = part.groupby(["set", "joint"]).nmse
-        mean, low, high = (groups.agg(how).unstack()[joints] for how in ("mean", "min", "max"))
+        found = part.groupby(["set", "joint"]).nmse.agg(["mean", "min", "max"])
         style = {"fmt": "o", "markersize": 3, "elinewidth": 0.8, "capsize": 1.5}
         handles = {}
         for k, (name, shade) in enumerate(zip(names, colours(names))):
-            x, y = places + 0.8 * (k + 0.5) / len(names), mean.loc[name]
-            ends = [y - low.loc[name], high.loc[name] - y]
-            handles[title(name)] = axis.errorbar(x, y, ends, color=shade, **style)
+            own = found.loc[name].loc[joints]
+            x = places + 0.8 * (k + 0.5) / len(names)
+            ends = [own["mean"] - own["min"], own["max"] - own["mean"]]
+            handles[title(name)] = axis.errorbar(x, own["mean"], ends, color=shade, **style)
         axis.set_xticks(range(len(joints)), joints)
         axis.set_title(weighting(bool(weighted)), fontsize=10)
         logarithmic(axis)

@@ -128,10 +128,10 @@ def test_tables_align_numbers_right_and_dash_missing_values():
 
 
 def test_tables_of_a_page_read_back():
-    table = pd.DataFrame({"arm": ["a", "b"], "valid": ["0.5", None]})
+    table = pd.DataFrame({"arm": ["a|c", "b"], "valid": ["0.5", None]})
     text = f"# Page\n\n{markdown(table)}\n\nWords.\n\n{markdown(table[['valid']])}"
     first, second = read_tables(text)
-    assert first.arm.tolist() == ["a", "b"] and first.valid.tolist() == ["0.5", None]
+    assert first.arm.tolist() == ["a|c", "b"] and first.valid.tolist() == ["0.5", None]
     assert second.columns.tolist() == ["valid"] and second.valid.tolist() == ["0.5", None]
 
 
