@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from sidegan.base.names import plain
 
-_ORDER = ("random", "natural", "gradient", "seeds", "vanilla", "eigen", "diagonal", "prediction")
+_PAPERS_ORDER = ("random", "natural", "gradient", "seeds", "vanilla", "eigen", "diagonal", "prediction")
 _TITLES = {"random": "random valid", "gradient": "short, by gradients"}
 _SEARCH = "search-"  # and the number of evaluations
 _REMEASURED = "seeds ×"  # and the number of measurements
@@ -71,10 +71,10 @@ def sort_sets(sets: Iterable[str]) -> list[str]:
         if name.startswith("long-"):
             return -1, int(name.removeprefix("long-")), name
         if name.startswith(_SEARCH):
-            return _ORDER.index("natural"), int(name.removeprefix(_SEARCH)), name
+            return _PAPERS_ORDER.index("natural"), int(name.removeprefix(_SEARCH)), name
         if name.startswith(_REMEASURED):
-            return _ORDER.index("seeds"), int(name.removeprefix(_REMEASURED)), name
-        return _ORDER.index(name) if name in _ORDER else len(_ORDER), 0, name
+            return _PAPERS_ORDER.index("seeds"), int(name.removeprefix(_REMEASURED)), name
+        return _PAPERS_ORDER.index(name) if name in _PAPERS_ORDER else len(_PAPERS_ORDER), 0, name
 
     return sorted(sets, key=place)
 

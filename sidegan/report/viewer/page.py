@@ -99,18 +99,19 @@ def write_view(
 def _signals(arm: Arm, constraints: Constraints, motion: Motion) -> Content:
     """Position, velocity, acceleration and torque relative to their limits, (B, T, J) each."""
     middle = (arm.position_upper + arm.position_lower) / 2
+    unlimited = np.full(arm.joints, np.inf)
     signals = {
         "position": (motion.position - middle, (arm.position_upper - arm.position_lower) / 2),
         "velocity": (motion.velocity, arm.velocity_limit),
-        "acceleration": (motion.acceleration, arm.acceleration_limit),
+        "acceleration": (motion.acceleration, arm.higher_limits.get("acceleration", unlimited)),
         "torque": (constraints.body.drive_torque(*motion[1:]), arm.torque_limit),
     }
     shares: dict[str, Any] = {}
     arrays: dict[str, NDArray[Any]] = {}
     for name, (values, limit) in signals.items():
         largest = np.maximum(np.abs(values).max((0, 1)), 1e-9)
-        limited = np.isfinite(limit) if limit is not None else np.zeros_like(largest, dtype=bool)
-        scale = largest if limit is None else np.where(limited, limit, largest)
+        limited = np.isfinite(limit)
+        scale = np.where(limited, limit, largest)
         shares[name] = {"scale": scale.tolist(), "limited": limited.tolist()}
         arrays[name] = (values / scale).astype(np.float32)
     return {"middle": middle.tolist(), "signals": shares}, arrays
