@@ -15,11 +15,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 from benchmarks.growth import POINTS, workers
 from sidegan.pipeline.stages.discussion import processor
 from sidegan.report.canvas import blank, legend, letter, logarithmic, save, tidy
+from sidegan.report.export import markdown
 from sidegan.report.style import PALETTE
 
 _DOCS = Path(__file__).parents[1] / "docs"
@@ -66,17 +68,13 @@ def _grow(known: dict[str, Any]) -> None:
             known[name] |= _grown(name, part)
 
 
-def _table(rows: list[list[str]]) -> str:
-    lines = [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
-
-
 def _number(x: float) -> str:
     return f"{x:,.0f}" if x >= 1000 else f"{x:.3g}"
 
 
 def _table_of_rates(rates: dict[str, Any]) -> str:
-    rows = [["work", "by", "a core, per CPU second", "two cores, per second", "ours is faster by"]]
+    head = ["work", "by", "a core, per CPU second", "two cores, per second", "ours is faster by"]
+    rows = []
     for group, parts in rates.items():
         ours = parts.get("sidegan")
         for by, rate in parts.items():
@@ -86,7 +84,7 @@ def _table_of_rates(rates: dict[str, Any]) -> str:
                 ends = ("median", "median"), ("low", "high"), ("high", "low")
                 ratio = "{} ({} … {})".format(*(_number(rate[a] / ours[b]) for a, b in ends))
             rows.append([group, by, _number(1 / rate["median"]), wall, ratio])
-    return _table(rows)
+    return markdown(pd.DataFrame(rows, columns=head))
 
 
 def _table_of_growth(name: str, sizes: dict[str, Any]) -> str:
@@ -94,7 +92,7 @@ def _table_of_growth(name: str, sizes: dict[str, Any]) -> str:
     head = [name.replace("_", "-"), *(f"{key} [{_UNITS.get(key, 'CPU s')}]" for key in keys)]
     ordered = sorted(sizes.items(), key=lambda item: int(item[0]))
     rows = [[f"{int(size):,}", *(_number(x) for x in costs.values())] for size, costs in ordered]
-    return _table([head, *rows])
+    return markdown(pd.DataFrame(rows, columns=head))
 
 
 def _draw(growth: dict[str, Any]) -> None:
@@ -145,16 +143,18 @@ def _machine() -> str:
 def _write(numbers: dict[str, Any]) -> None:
     _NUMBERS.write_text(json.dumps(numbers, indent=1) + "\n")
     devices = numbers.get("device", {})
-    rows = [["networks", "device", "epoch [s]", "sample [µs]"]]
-    for key, device in devices.items():
-        rows.append([key, device["name"], _number(device["epoch"]), _number(device["sample"])])
+    head = ["networks", "device", "epoch [s]", "sample [µs]"]
+    rows = [[key, x["name"], _number(x["epoch"]), _number(x["sample"])] for key, x in devices.items()]
     if "cuda" not in devices:
         rows.append(["cuda", "none on this machine", "", ""])
     growth = {name: sizes for name, sizes in numbers["growth"].items() if sizes}
     _draw(growth)
     text = (Path(__file__).parent / "page.md").read_text()
     fields = {"versions": numbers["versions"], "processor": numbers["processor"]}
-    fields |= {"rates": _table_of_rates(numbers["rates"]), "device": _table(rows)}
+    fields |= {
+        "rates": _table_of_rates(numbers["rates"]),
+        "device": markdown(pd.DataFrame(rows, columns=head)),
+    }
     tables = "\n\n".join(_table_of_growth(*item) for item in growth.items())
     _PAGE.write_text(text.format(growth=tables, **fields))
 

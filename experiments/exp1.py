@@ -68,10 +68,10 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
             f"{FACTORS} ({CONFIDENCE:.0%} intervals, none for single values). On plants, "
             f"{on_plants(artifacts.plant, config.gan)}",
         ),
-        "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
-        "sets": (tables.excitation_sets(raw), "The excitation sets"),
-        "generators": (tables.generators(artifacts.generators), training.caption(artifacts)),
-        "likeness": (tables.likeness(artifacts.generators), training.BESIDE),
+        "joints": (tables.joint_table(raw), "nMSE by joint, unweighted RLS"),
+        "sets": (tables.excitation_table(raw), "The excitation sets"),
+        "generators": (tables.generator_table(artifacts.generators), training.caption(artifacts)),
+        "likeness": (tables.likeness_table(artifacts.generators), training.BESIDE),
     }
     progress = training.figure(artifacts.histories, artifacts.few_seeds)
     drawn = {"training": progress, "nmse": figures.errors(raw), **training.pictures(artifacts)}
@@ -97,7 +97,7 @@ def table1(
         rows[label] = _by_set(part.groupby(["set", *levels]).nmse.mean())
         if label in (EXPECTED, PLANT, PLANT_WEIGHTED):
             rows[f"{label}, geometric mean"] = _by_set(geometric(part).set_index("set").nmse)
-    columns = tables.ordered(raw["set"].unique())
+    columns = tables.sort_sets(raw["set"].unique())
     kinds = {name: name.partition("-")[0] for name in columns} | dict.fromkeys(SIDE_GANS, "generated")
     for label, paper in PAPER["table1"].items():
         rows[label] = {name: paper.get(kinds[name], "—") for name in columns}
@@ -119,7 +119,7 @@ def draws(frame: pd.DataFrame) -> pd.DataFrame:
         rows[str(name)] = {
             label: words(Interval(low[key], mean[key], high[key])) for key, label in NOISES.items()
         }
-    return pd.DataFrame.from_dict(rows, orient="index").loc[tables.ordered(rows)].rename_axis("drawn from")
+    return pd.DataFrame.from_dict(rows, orient="index").loc[tables.sort_sets(rows)].rename_axis("drawn from")
 
 
 def finding(frame: pd.DataFrame) -> str:
@@ -176,7 +176,7 @@ def on_plants(plant: pd.DataFrame, trained: Collection[str]) -> str:
 def over_others(frame: pd.DataFrame, trained: Collection[str]) -> dict[str, pd.Series]:
     """Log ratio of the seeds' nMSE to that of each set of equal size, draw by draw, by set."""
     errors = by_set(frame, "nmse", trained)
-    others = [key for key in tables.ordered(errors) if key != "seeds" and not key.startswith("long-")]
+    others = [key for key in tables.sort_sets(errors) if key != "seeds" and not key.startswith("long-")]
     return {key: of_several(log_ratio(errors["seeds"], errors[key])) for key in others}
 
 
@@ -195,4 +195,4 @@ def summary(artifacts: Artifacts) -> pd.DataFrame:
     for name, frame in parts.items():
         for weighted, part in frame.groupby(frame.weighted.astype(bool)):
             columns[f"{name}, weighted" if weighted else name] = part.groupby("set", sort=False).nmse.mean()
-    return pd.DataFrame(columns).reindex(tables.ordered(raw["set"].unique()))
+    return pd.DataFrame(columns).reindex(tables.sort_sets(raw["set"].unique()))

@@ -57,7 +57,7 @@ def summary(artifacts: Artifacts) -> pd.DataFrame:
         }
         columns[f"improvement over seeds ×{replicas} [%]"] = pd.Series(gains)
     columns["‖diag P‖"] = facts.groupby("set", sort=False).covariance_norm.mean()
-    return pd.DataFrame(columns).reindex(tables.ordered(errors["set"].unique()))
+    return pd.DataFrame(columns).reindex(tables.sort_sets(errors["set"].unique()))
 
 
 def added(config: Config) -> list[str]:
@@ -133,7 +133,7 @@ def readings(made: Artifacts) -> pd.DataFrame:
 def table3(facts: pd.DataFrame) -> pd.DataFrame:
     """Table III: covariance norms, with the paper's."""
     rows = {}
-    for name in tables.ordered(facts["set"].unique()):
+    for name in tables.sort_sets(facts["set"].unique()):
         part = facts[facts["set"] == name]
         rows[title(name)] = {
             "‖diag P‖": tables.spread(part.groupby(TRAINING).covariance_norm.mean()),
@@ -147,7 +147,7 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
 def errors(results: pd.DataFrame) -> pd.DataFrame:
     """NMSE of every set, mean over joints ± standard deviation over trainings and noise draws."""
     rows: dict[str, dict[str, str]] = {}
-    for name in tables.ordered(results["set"].unique()):
+    for name in tables.sort_sets(results["set"].unique()):
         part = results[results["set"] == name]
         mean = {w: p.groupby([TRAINING, REPEAT]).nmse.mean() for w, p in part.groupby("weighted")}
         row = {"weighted" if w else "unweighted": tables.spread(values) for w, values in mean.items()}

@@ -74,7 +74,7 @@ def beside_seeds(frame: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
     table = pd.concat(
         [means[[VALID]], means[["cosine"]].set_axis([COSINE], axis=1), over.rename(columns=_OVER)], axis=1
     )
-    order = [name for name in tables.ordered(means.index) if name in (SEEDS, *_BASELINES, *trained)]
+    order = [name for name in tables.sort_sets(means.index) if name in (SEEDS, *_BASELINES, *trained)]
     return table.loc[order].rename_axis("generator")
 
 

@@ -176,14 +176,14 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
     longs = {f"{name.removeprefix('long-')} harmonics": dict(x) for name, (x, _) in made.longs.items()}
     searches = tables.formatted(pd.DataFrame(longs).T, COLUMNS["long"], NOT_MEASURED)
     shown = {
-        "generators": tables.generators(made.generators),
-        "likeness": tables.likeness(made.generators),
+        "generators": tables.generator_table(made.generators),
+        "likeness": tables.likeness_table(made.generators),
         "draws": exp1.draws(made.draws),
         "epochs": training.speed(made.histories),
         "sizes": training.sizes(made.subsets),
         "table1": exp1.table1(made.errors, made.plant, made.expected, made.constant),
         "factors": exp1.factors(made.errors, made.expected, made.plant, made.cfg.gan),
-        "sets": tables.excitation_sets(made.errors),
+        "sets": tables.excitation_table(made.errors),
         "long": searches.rename_axis("single long trajectory"),
         "readings": exp2.readings(made),
         "table3": exp2.table3(made.whole_facts),

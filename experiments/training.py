@@ -45,10 +45,10 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     over = f"{counted(len(cfg.trainings), 'training')}, {cfg.evaluation} samples per epoch"
     shown = {
         "generators": (
-            tables.generators(artifacts.generators),
+            tables.generator_table(artifacts.generators),
             f"{caption(artifacts)} ({over})",
         ),
-        "likeness": (tables.likeness(artifacts.generators), BESIDE),
+        "likeness": (tables.likeness_table(artifacts.generators), BESIDE),
         "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
     }
     drawn = {"training": figure(histories, artifacts.few_seeds), **pictures(artifacts)}
@@ -119,4 +119,4 @@ def sizes(subsets: pd.DataFrame) -> pd.DataFrame:
     """Valid share after the last epoch, by variant and number of seeds."""
     kept = subsets[subsets.kept]
     table = kept.groupby(["variant", "seeds"]).success.agg(tables.spread).unstack("seeds").fillna("—")
-    return table.loc[tables.ordered(table.index)].rename(columns="{} seeds".format)
+    return table.loc[tables.sort_sets(table.index)].rename(columns="{} seeds".format)

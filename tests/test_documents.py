@@ -8,6 +8,7 @@ from pathlib import Path
 
 import matplotlib
 import pytest
+import yaml
 from omegaconf import OmegaConf
 
 import sidegan
@@ -38,21 +39,9 @@ PRINTED = {
     "online": "trajectory 4: the condition number of all so far is ",
     "identify_table": "nMSE of what was held out: {'shoulder': ",
 }
-QUOTED = [  # words of the page, file, setting, value
-    ("Seeds keep a reserve of 0.2 of every limit", "seeds/gradient", "reserve", 0.2),
-    ("which nothing imitates, keeps 0.03", "experiment/excite", "search.reserve", 0.03),
-    ("`goal.objective=prediction` is the default", "experiment/excite", "goal.objective", "prediction"),
-    ("the 35 strongest eigenvalues", "seeds/paper", "seeds.strongest", 35),
-    ("seeds have a box (±0.2 rad/s)", "seeds/paper", "seeds.box", 0.2),
-    ("random draws of 35", "selection/greedy", "count", 35),
-    ("6 (a slow crawl), or 210", "base/sets", "long.harmonics", [6, 210]),
-    ("the best of eight starts", "scale/paper", "long_starts", 8),
-    ("two generator steps per discriminator step", "gan/_base", "generator_steps", 2),
-    ("50 epochs are the paper's", "scale/paper", "gan_epochs", 50),
-    ("falls to a fiftieth along half a cosine", "gan/_generator", "last_rate", 0.02),
-    ("Five small networks correct", "gan/_generator", "corrections", 5),
-    ("links up to 20 % off the description", "base/sets", "plants.plant.parameters", 0.2),
-]
+# A value and the setting that a comment behind it names: "0.2<!-- seeds/gradient: reserve -->".
+DECISIONS = (DOCS / "decisions.md").read_text(encoding="utf-8")
+QUOTED = re.compile(r"([\w.]+)`?( %)?<!-- ([\w/]+): ([\w.\[\]]+) -->")
 
 
 def cells(name: str) -> list[dict]:
@@ -102,7 +91,7 @@ def test_examples_run(name, capsys, monkeypatch):
     assert PRINTED[name] in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("words", "file", "setting", "value"), QUOTED)
-def test_decisions_quote_the_current_settings(words, file, setting, value):
-    assert words in " ".join((DOCS / "decisions.md").read_text(encoding="utf-8").split())
-    assert OmegaConf.select(OmegaConf.load(CONF / f"{file}.yaml"), setting) == value
+@pytest.mark.parametrize(("value", "percent", "file", "setting"), QUOTED.findall(DECISIONS))
+def test_decisions_quote_the_current_settings(value, percent, file, setting):
+    current = OmegaConf.select(OmegaConf.load(CONF / f"{file}.yaml"), setting)
+    assert (100 * current if percent else current) == yaml.safe_load(value)

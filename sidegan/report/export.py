@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
 
@@ -78,8 +78,10 @@ def show(table: pd.DataFrame, caption: str) -> None:
 
 def _parts(rows: pd.DataFrame, names: int, width: int) -> Iterator[dict[int, int]]:
     """Columns of each part of a table, and their widths, to fit a terminal; names are in every part."""
-    least, most = zip(*(_letters(name, rows[name]) for name in rows))
-    left = [*range(names, len(most))]
+    lines = [[line for cell in (str(name), *rows[name]) for line in cell.splitlines()] for name in rows]
+    least = [min(_LONGEST, max(map(_unbroken, column), default=0)) for column in lines]
+    most = [max(map(len, column), default=0) for column in lines]
+    left = [*range(names, len(lines))]
     while left:
         shown = [*range(names), left.pop(0)]
         while left and sum(least[i] + _FRAME for i in [*shown, left[0]]) < width:
@@ -93,18 +95,16 @@ def _parts(rows: pd.DataFrame, names: int, width: int) -> Iterator[dict[int, int
         yield widths
 
 
-def _letters(name: Hashable, cells: Iterable[str]) -> tuple[int, int]:
-    """Letters that a column needs, with and without line breaks; numbers with their spread have none."""
-    texts = [line for text in (str(name), *cells) for line in text.splitlines()]
-    words = [word for text in texts for word in ([text] if _NUMBER.fullmatch(text) else text.split())]
-    longest, whole = (max(map(len, x), default=0) for x in (words, texts))
-    return min(_LONGEST, longest), whole
+def _unbroken(line: str) -> int:
+    """Letters of the longest part of a line that is not broken: a word, or a number with its spread."""
+    return len(line) if _NUMBER.fullmatch(line) else max(map(len, line.split()), default=0)
 
 
 def read_tables(text: str) -> list[pd.DataFrame]:
     """Tables of a Markdown text by ``markdown``: cells are text, or None for a dash."""
     tables = []
     for part in re.findall(r"(?:^\|.*\|\n)+", f"{text}\n", re.M):
-        header, _, *rows = ([cell.strip() for cell in line[1:-1].split("|")] for line in part.splitlines())
+        lines = [re.split(r"(?<!\\)\|", line)[1:-1] for line in part.splitlines()]
+        header, _, *rows = ([cell.strip().replace("\\|", "|") for cell in line] for line in lines)
         tables.append(pd.DataFrame(rows, columns=header).replace({"—": None}))
     return tables

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 
 from sidegan.report.canvas import blank, from_zero, legend, letter, logarithmic, tidy
 from sidegan.report.style import colour, colours
-from sidegan.report.tables import NAMES, ordered, title, weighting
+from sidegan.report.tables import METRIC_LABELS, sort_sets, title, weighting
 
 METRICS = ["invalid", "condition", "condition_mean", "error", "error_constant", "distance"]  # of a generator
 METRICS += ["cosine", "rank_uncentred", "distance_diagonal"]
 _SCALE = {"condition_mean": "condition", "error_constant": "error"}  # whose axis a metric shares
-_LABELS = NAMES | {"invalid": "invalid share", "distance": "mean distance [rad/s]"}
+_LABELS = METRIC_LABELS | {"invalid": "invalid share", "distance": "mean distance [rad/s]"}
 _CLOUD = 200  # points of a set
 
 
@@ -35,7 +35,7 @@ def panels(
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
     figure = blank(3.7 * columns + 0.5, 3.1 * rows + 0.6)
-    variants = ordered(frame.variant.unique())
+    variants = sort_sets(frame.variant.unique())
     handles: dict[str, Any] = {}
     axes = dict(zip(shown, figure.subplots(rows, columns, squeeze=False).ravel()))
     for metric, axis in axes.items():
@@ -64,20 +64,20 @@ def panels(
 def errors(raw: pd.DataFrame) -> Figure:
     """NMSE by joint and set, unweighted and weighted: means, and whiskers over the range."""
     figure = blank(11, 4.4)
-    names = ordered(raw["set"].unique())
+    names = sort_sets(raw["set"].unique())
     joints = list(dict.fromkeys(raw.joint))
     places = np.arange(len(joints)) - 0.4
     parts = raw.groupby("weighted")
     axes = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
     for axis, (weighted, part) in zip(axes, parts):
-        groups = part.groupby(["set", "joint"]).nmse
-        mean, low, high = (groups.agg(how).unstack()[joints] for how in ("mean", "min", "max"))
+        found = part.groupby(["set", "joint"]).nmse.agg(["mean", "min", "max"])
         style = {"fmt": "o", "markersize": 3, "elinewidth": 0.8, "capsize": 1.5}
         handles = {}
         for k, (name, shade) in enumerate(zip(names, colours(names))):
-            x, y = places + 0.8 * (k + 0.5) / len(names), mean.loc[name]
-            ends = [y - low.loc[name], high.loc[name] - y]
-            handles[title(name)] = axis.errorbar(x, y, ends, color=shade, **style)
+            own = found.loc[name].loc[joints]
+            x = places + 0.8 * (k + 0.5) / len(names)
+            ends = [own["mean"] - own["min"], own["max"] - own["mean"]]
+            handles[title(name)] = axis.errorbar(x, own["mean"], ends, color=shade, **style)
         axis.set_xticks(range(len(joints)), joints)
         axis.set_title(weighting(bool(weighted)), fontsize=10)
         logarithmic(axis)

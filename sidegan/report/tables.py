@@ -8,19 +8,18 @@ import pyarrow as pa
 
 from sidegan.base.names import plain
 
-_FIRST = ("random", "natural", "gradient", "seeds", "vanilla", "eigen", "diagonal", "prediction")
+_PAPERS_ORDER = ("random", "natural", "gradient", "seeds", "vanilla", "eigen", "diagonal", "prediction")
 _TITLES = {"random": "random valid", "gradient": "short, by gradients"}
 _SEARCH = "search-"  # and the number of evaluations
-_AGAIN = "seeds ×"  # and the number of measurements
+_REMEASURED = "seeds ×"  # and the number of measurements
 _SETS = {
     "duration": ("duration [s]", "g"),
     "samples": ("samples", ".0f"),
     "condition": ("cond(YᵀY) of the stack", ".4g"),
     "covariance_norm": ("‖diag P‖", ".4g"),
 }
-# Labels of metrics of generators and libraries.
-NAMES = {
-    "success": "valid share",
+# Labels of the metrics of generators and libraries.
+METRIC_LABELS = {
     "valid_share": "valid share",
     "condition": "median cond(YᵀY)",
     "condition_mean": "mean cond(YᵀY)",
@@ -33,22 +32,22 @@ NAMES = {
     "rank_uncentred": "effective rank, uncentred",
     "distance_diagonal": "mean distance of diag(YᵀY)",
 }
-# Labels of their worth …
+# Labels of the columns of the table of generators …
 WORTH = {
-    "condition": NAMES["condition"],
-    "condition_valid": NAMES["condition_valid"],
+    "condition": METRIC_LABELS["condition"],
+    "condition_valid": METRIC_LABELS["condition_valid"],
     "gain": "gain, the paper's noise",
     "gain_geometric": "… geometric",
     "gain_constant": "gain, constant noise",
     "gain_constant_geometric": "… geometric, constant",
-    "distance": NAMES["distance"],
+    "distance": METRIC_LABELS["distance"],
     "norm": "mean norm",
-    "cosine": NAMES["cosine"],
-    "rank_uncentred": NAMES["rank_uncentred"],
+    "cosine": METRIC_LABELS["cosine"],
+    "rank_uncentred": METRIC_LABELS["rank_uncentred"],
 }
-# … and of their similarity to the seeds.
+# … and of the table of their similarity to the seeds.
 LIKENESS = {
-    "nearest_other": NAMES["nearest"],
+    "nearest_other": METRIC_LABELS["nearest"],
     "nearest_seed": "to the nearest seed",
     "beyond": "share beyond the seeds' ranges",
     "density": "density of c",
@@ -56,7 +55,7 @@ LIKENESS = {
     "density_diagonal": "density of log diag(YᵀY)",
     "coverage_diagonal": "coverage of log diag(YᵀY)",
     "told_apart": "accuracy of a classifier against the seeds",
-    "distance_diagonal": NAMES["distance_diagonal"],
+    "distance_diagonal": METRIC_LABELS["distance_diagonal"],
 }
 
 
@@ -65,17 +64,17 @@ def arrow(frame: pd.DataFrame) -> pa.Table:
     return pa.Table.from_pandas(frame, preserve_index=False)
 
 
-def ordered(sets: Iterable[str]) -> list[str]:
+def sort_sets(sets: Iterable[str]) -> list[str]:
     """Names of sets in the order of the paper's table: long trajectories first, unknown sets last."""
 
     def place(name: str) -> tuple[int, int, str]:
         if name.startswith("long-"):
             return -1, int(name.removeprefix("long-")), name
         if name.startswith(_SEARCH):
-            return _FIRST.index("natural"), int(name.removeprefix(_SEARCH)), name
-        if name.startswith(_AGAIN):
-            return _FIRST.index("seeds"), int(name.removeprefix(_AGAIN)), name
-        return _FIRST.index(name) if name in _FIRST else len(_FIRST), 0, name
+            return _PAPERS_ORDER.index("natural"), int(name.removeprefix(_SEARCH)), name
+        if name.startswith(_REMEASURED):
+            return _PAPERS_ORDER.index("seeds"), int(name.removeprefix(_REMEASURED)), name
+        return _PAPERS_ORDER.index(name) if name in _PAPERS_ORDER else len(_PAPERS_ORDER), 0, name
 
     return sorted(sets, key=place)
 
@@ -98,13 +97,17 @@ def spread(values: pd.Series) -> str:
     mean, deviation = float(known.mean()), float(known.std())
     if len(known) < 2:
         return plain(mean) if len(known) else "—"
-    if mean and 0 < deviation < math.inf and (place := _place(deviation) - 1) > _place(mean) - 2:
+    if (
+        mean
+        and 0 < deviation < math.inf
+        and (place := _decimal_exponent(deviation) - 1) > _decimal_exponent(mean) - 2
+    ):
         mean = round(mean, -place)
     return f"{plain(mean)} ± {plain(deviation, '.2g')}"
 
 
-def _place(value: float) -> int:
-    """Decimal exponent of a number."""
+def _decimal_exponent(value: float) -> int:
+    """The exponent of a number's first digit."""
     return math.floor(math.log10(abs(value)))
 
 
@@ -123,28 +126,28 @@ def formatted(frame: pd.DataFrame, columns: Mapping[str, Sequence[str]], unknown
     return pd.DataFrame(cells, frame.index)
 
 
-def joints(raw: pd.DataFrame) -> pd.DataFrame:
+def joint_table(raw: pd.DataFrame) -> pd.DataFrame:
     """Mean nMSE by joint and set, unweighted."""
     part = raw[~raw.weighted]
     table = part.groupby(["joint", "set"], sort=False).nmse.mean().unstack("set")
-    table = table[ordered(table.columns)].map(plain)
+    table = table[sort_sets(table.columns)].map(plain)
     return table.rename(columns=title)
 
 
-def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
+def excitation_table(raw: pd.DataFrame) -> pd.DataFrame:
     """Duration, condition number and covariance norm of every excitation set."""
     once = raw.drop_duplicates(["set", "training", "repeat"])
     mean = once.groupby("set")[list(_SETS)].mean()
-    return formatted(mean.loc[ordered(mean.index)], _SETS).rename(index=title)
+    return formatted(mean.loc[sort_sets(mean.index)], _SETS).rename(index=title)
 
 
-def generators(frame: pd.DataFrame) -> pd.DataFrame:
+def generator_table(frame: pd.DataFrame) -> pd.DataFrame:
     """Worth of the seeds, baselines and generators, over trainings."""
     rows = frame.assign(
         valid_share=valid_share(frame),
         condition_valid=frame.condition_valid.fillna(frame.condition),
     )
-    return _spreads(rows, {"valid_share": NAMES["valid_share"], **WORTH})
+    return _spreads(rows, {"valid_share": METRIC_LABELS["valid_share"], **WORTH})
 
 
 def valid_share(frame: pd.DataFrame) -> pd.Series:
@@ -152,7 +155,7 @@ def valid_share(frame: pd.DataFrame) -> pd.Series:
     return frame.valid_share.fillna(frame.valid)
 
 
-def likeness(frame: pd.DataFrame) -> pd.DataFrame:
+def likeness_table(frame: pd.DataFrame) -> pd.DataFrame:
     """Similarity to the seeds of baselines, generators over trainings, and the seeds themselves."""
     return _spreads(frame, LIKENESS)
 
@@ -163,4 +166,4 @@ def _spreads(frame: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
         str(name): {label: spread(part[key]) for key, label in columns.items() if key in part}
         for name, part in frame.groupby("name", sort=False)
     }
-    return pd.DataFrame.from_dict(cells, orient="index").loc[ordered(cells)].rename_axis("generator")
+    return pd.DataFrame.from_dict(cells, orient="index").loc[sort_sets(cells)].rename_axis("generator")

@@ -1,16 +1,18 @@
-"""Numbers of fixed inputs. `python -m tests.golden.make` makes them anew, which is a decision, not a repair.
+"""Numbers of fixed inputs, of functions and of stages.
 
-Every machine starts from the same inputs: PCG64's own bits, which no version of numpy changes, over powers of
-two, and what is stored. Arms are chains that were drawn once, two with the axes of a UR10 and a Panda; their
-shapes are capsules, which nothing has to fit.
+`python -m tests.golden.make` makes them anew, which is a decision, not a repair. Every machine starts from
+the same inputs: PCG64's own bits, which no version of numpy changes, over powers of two, and what is stored.
+Arms are chains that were drawn once, two with the axes of a UR10 and a Panda; their shapes are capsules,
+which nothing has to fit.
 """
 
 import json
 import math
 import os
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -26,8 +28,17 @@ from sidegan.design.selection import a_optimal, d_optimal, greedy
 from sidegan.gan.reward import energies
 from sidegan.identification import FULL, RIGID, EstimationSettings, Measurements, Terms, TorqueModel, estimate
 from sidegan.identification.workflow import identify_arm
+from sidegan.library import Library
+from sidegan.library.measure import measured
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.artifact import Artifact
+from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
+from sidegan.pipeline.stages.baselines import random_set
+from sidegan.pipeline.stages.identification import identification
+from sidegan.pipeline.stages.replication import compared, replication, sums
+from sidegan.pipeline.stages.selection import ExcitationSet
+from sidegan.pipeline.store import Store
 from sidegan.plant import IDEAL, Plant
 from sidegan.recording.checked import hold_out
 from sidegan.recording.read import read_and_check
@@ -35,8 +46,10 @@ from sidegan.recording.settings import RecordingSettings
 from sidegan.report.identification.results import verdict
 from sidegan.robot import load_robot
 from sidegan.validity import Box, Constraints, Plane, Sphere, check, default_home
+from tests.tiny import tiny
 
 FOLDER = Path(__file__).parent
+STAGES = FOLDER / "stages.json"
 NUMBERS, IDENTIFIED, MADE = FOLDER / "numbers.npz", FOLDER / "identified.json", FOLDER / "recording.csv"
 DATA = Path(os.environ.get("SIDEGAN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 CHAINS = tuple(f"chain{seed}" for seed in range(1, 11))
@@ -178,6 +191,40 @@ def _flat(tree: dict[str, Any], path: str = "") -> dict[str, Any]:
     return found
 
 
+@dataclass(frozen=True)
+class FixedRun(RunContext):
+    """A tiny run whose seeds and libraries are the same 24 trajectories on every machine."""
+
+    def load(self, *artifacts: Artifact) -> Library:
+        """These trajectories, whatever the artifacts."""
+        c = draw(1, 24, 2, 3, 2) / np.array([1.0, 2.0, 3.0])[:, None]
+        return measured(self.cell.constraints, self.cell.trajectory, c, "fixed")
+
+
+def stages() -> dict[str, dict[str, float]]:
+    """Means over all rows of what the stages identification and replication find in a fixed run."""
+    with TemporaryDirectory() as folder:
+        run = FixedRun(tiny(f"outputs={folder}", "gan=eigen", experiment="reproduction"), Store(Path(folder)))
+        excitation = ExcitationSet("fixed", None, run.cell.trajectory, random_set(run))
+        for pool in compared(run):
+            run.store.produce(sums(run, pool, "all"))
+        return {
+            "identification": _means(run, identification(run, excitation), EXPECTED, RESULTS, FACTS),
+            "replication": _means(run, replication(run, "all"), RESULTS, FACTS),
+        }
+
+
+def _means(run: RunContext, artifact: Artifact, *files: str) -> dict[str, float]:
+    """Means of columns of an artifact's tables, over weightings, joints, noise and tests."""
+    run.store.produce(artifact)
+    found = {}
+    for file in files:
+        table = run.frame(artifact, file)
+        columns = ("nmse", "covariance_norm", "condition", "samples")
+        found |= {f"{Path(file).stem}/{key}": float(table[key].mean()) for key in columns if key in table}
+    return found
+
+
 def _near(problem: Problem, gain: np.ndarray, count: int) -> np.ndarray:
     """Scales a hundredth to a millionth beside those at which a verdict turns, (count,)."""
     low, high = np.zeros(count), np.full(count, 16.0)
@@ -221,6 +268,7 @@ def main() -> None:
             record(0.35 * c, home)  # within limits
     np.savez_compressed(NUMBERS, **found)
     IDENTIFIED.write_text(json.dumps({name: identified(name) for name in RECORDED}, indent=1) + "\n")
+    STAGES.write_text(json.dumps(stages(), indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -13,10 +13,10 @@ from omegaconf import OmegaConf
 from sidegan.base.conf import CONF
 from sidegan.base.names import dotted
 from sidegan.errors import ConfigError
-from sidegan.gan.settings import variant_recipe as variant_recipe
+from sidegan.gan.settings import variant_recipe
 from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, changes, setting
-from sidegan.seeding import seeds_recipe as seeds_recipe
+from sidegan.seeding import seeds_recipe
 from tests import tiny
 
 

@@ -33,7 +33,7 @@ def raw():
 def test_sets_follow_the_papers_order_unknown_ones_last():
     names = ["zeta", "diagonal", "alpha", "seeds", "long-210", "eigen", "long-12", "long-6", "vanilla"]
     expected = ["long-6", "long-12", "long-210", "seeds", "vanilla", "eigen", "diagonal", "alpha", "zeta"]
-    assert tables.ordered(names) == tables.ordered(reversed(names)) == expected
+    assert tables.sort_sets(names) == tables.sort_sets(reversed(names)) == expected
 
 
 @pytest.mark.parametrize(
@@ -56,13 +56,13 @@ def test_a_spread_is_the_mean_and_the_sample_deviation(values, expected):
 
 
 def test_joints_keep_their_order_and_take_the_unweighted_mean(raw):
-    table = tables.joints(raw)
+    table = tables.joint_table(raw)
     assert list(table.index) == ["b", "a"] and list(table.columns) == SETS
     assert table.loc["a"].tolist() == ["1.2", "0.6", "0.3"]
 
 
 def test_set_facts_are_averaged(raw):
-    table = tables.excitation_sets(raw)
+    table = tables.excitation_table(raw)
     assert list(table.index) == SETS
     assert table.loc["seeds"].tolist() == ["16", "321", "1234", "1.5"]
 
@@ -72,12 +72,12 @@ def test_generators_show_known_values():
     seeds = {"name": "seeds", "valid": 1.0, "condition": 80.0, "distance": 3.0, "rank_uncentred": 5.0}
     seeds |= {"told_apart": 0.5, "gain": 1.0}
     frame = pd.DataFrame([seeds, eigen, eigen | {"condition": 300.0}, seeds | {"name": "search-40"}])
-    table = tables.generators(frame)
+    table = tables.generator_table(frame)
     assert list(table.index) == ["search-40", "seeds", "eigen"]
     assert table.loc["eigen"].tolist()[:4] == ["0.9 ± 0", "200 ± 140", "90 ± 0", "12.3 ± 0"]
     assert table.loc["eigen"].tolist()[-1] == "—"
     assert table.loc["seeds"].tolist() == ["1", "80", "80", "1", "3", "5"]
-    assert tables.likeness(frame)[tables.LIKENESS["told_apart"]].tolist() == ["0.5", "0.5", "—"]
+    assert tables.likeness_table(frame)[tables.LIKENESS["told_apart"]].tolist() == ["0.5", "0.5", "—"]
 
 
 TABLE = pd.DataFrame(
@@ -128,10 +128,10 @@ def test_tables_align_numbers_right_and_dash_missing_values():
 
 
 def test_tables_of_a_page_read_back():
-    table = pd.DataFrame({"arm": ["a", "b"], "valid": ["0.5", None]})
+    table = pd.DataFrame({"arm": ["a|c", "b"], "valid": ["0.5", None]})
     text = f"# Page\n\n{markdown(table)}\n\nWords.\n\n{markdown(table[['valid']])}"
     first, second = read_tables(text)
-    assert first.arm.tolist() == ["a", "b"] and first.valid.tolist() == ["0.5", None]
+    assert first.arm.tolist() == ["a|c", "b"] and first.valid.tolist() == ["0.5", None]
     assert second.columns.tolist() == ["valid"] and second.valid.tolist() == ["0.5", None]
 
 

@@ -1,4 +1,4 @@
-"""The page on which an arm moves: its numbers are the motion's, and names of strangers do no harm."""
+"""The page on which an arm moves: its numbers are the motion's, and names are escaped."""
 
 import base64
 import json

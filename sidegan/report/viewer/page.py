@@ -4,11 +4,9 @@ It contains plain values, packed arrays of four-byte numbers, the 3D library and
 """
 
 import base64
-import zipfile
+import re
 import zlib
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
-from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -31,7 +29,6 @@ from sidegan.validity.constraints import DISTANCES
 Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]  # plain values, and arrays
 
 _RATE, _FEWEST, _MOST = 25.0, 100, 500  # sampling rate of a motion [Hz], least and most samples
-_ARCHIVE, _TEMPLATE = "templates/viewer.zip", "viewer.html.template"  # trimesh's, which contain three.js
 _TRIANGLES = 120_000  # most triangles of an arm
 _FINEST, _COARSER = 5e-4, 1.4  # smallest grid cell for merging vertices [m], and factor to the next size
 _CELLS = 2**20  # most grid cells along an axis
@@ -102,18 +99,19 @@ def write_view(
 def _signals(arm: Arm, constraints: Constraints, motion: Motion) -> Content:
     """Position, velocity, acceleration and torque relative to their limits, (B, T, J) each."""
     middle = (arm.position_upper + arm.position_lower) / 2
+    unlimited = np.full(arm.joints, np.inf)
     signals = {
         "position": (motion.position - middle, (arm.position_upper - arm.position_lower) / 2),
         "velocity": (motion.velocity, arm.velocity_limit),
-        "acceleration": (motion.acceleration, arm.acceleration_limit),
+        "acceleration": (motion.acceleration, arm.higher_limits.get("acceleration", unlimited)),
         "torque": (constraints.body.drive_torque(*motion[1:]), arm.torque_limit),
     }
     shares: dict[str, Any] = {}
     arrays: dict[str, NDArray[Any]] = {}
     for name, (values, limit) in signals.items():
         largest = np.maximum(np.abs(values).max((0, 1)), 1e-9)
-        limited = np.isfinite(limit) if limit is not None else np.zeros_like(largest, dtype=bool)
-        scale = largest if limit is None else np.where(limited, limit, largest)
+        limited = np.isfinite(limit)
+        scale = np.where(limited, limit, largest)
         shares[name] = {"scale": scale.tolist(), "limited": limited.tolist()}
         arrays[name] = (values / scale).astype(np.float32)
     return {"middle": middle.tolist(), "signals": shares}, arrays
@@ -211,16 +209,12 @@ def _packed(arrays: Mapping[str, NDArray[Any]]) -> tuple[dict[str, list[Any]], s
 
 
 def _three_js() -> str:
-    """The library three.js with its licence, from trimesh's viewer."""
-    try:
-        package = find_spec("trimesh")  # importing it takes half a second
-        folder = Path((package and package.origin) or "").parent
-        archive = (folder / "resources" / _ARCHIVE).read_bytes()
-        lines = zipfile.ZipFile(BytesIO(archive)).read(_TEMPLATE).decode().splitlines()
-        script = next(k for k, line in enumerate(lines) if "<script>" in line)
-        library = next(k for k, line in enumerate(lines) if ".THREE={}" in line)
-    except (OSError, KeyError, StopIteration, zipfile.BadZipFile) as error:
-        raise ArtifactError(
-            "this version of trimesh has no three.js: pip install 'trimesh>=4.5,<6'"
-        ) from error
-    return "\n".join(lines[script : library + 1]).split("<script>", 1)[1]
+    """The library three.js with its licence, which is the first script of trimesh's own pages."""
+    import trimesh  # slow to import
+    from trimesh.viewer import scene_to_html
+
+    page = scene_to_html(trimesh.Scene(trimesh.creation.box()))
+    script = re.search(r"<script>(.*?\.THREE=\{\}[^\n]*)", page, re.DOTALL)
+    if script is None:
+        raise ArtifactError("this version of trimesh has no three.js: pip install 'trimesh>=4.8.3,<6'")
+    return script[1]
