@@ -57,7 +57,7 @@ def lenient(arm: Arm) -> Arm:
     try:
         pairs_of(arm)
     except InfeasibleError as error:
-        for remedy in re.findall(r"robot\.may_touch=(\[\[.*?\]\])", str(error)):
+        for remedy in re.findall(r"may_touch=(\[\[.*?\]\])", str(error)):
             named = tuple((*pair, "a random arm") for pair in yaml.safe_load(remedy))
             return replace(arm, may_touch=(*arm.may_touch, *named))
     return arm
