@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import sidegan as sg
-from sidegan.errors import ArtifactError
+from sidegan.errors import ArtifactError, SideganError, StorageError
 from sidegan.gan.settings import RECIPES
 from tests.refusals import refused
 from tests.steps.conftest import FREE
@@ -53,6 +53,17 @@ def test_a_generator_reloads_and_samples_by_its_seed(cell, generator, tmp_path):
     assert not np.array_equal(again.sample(20, seed=1), made)
     with refused(ArtifactError, "eigen.pt", "period=8", "period=4"):
         sg.Generator.load(tmp_path / "eigen.pt", sg.Cell("planar2", period=4, **FREE))
+
+
+@pytest.mark.parametrize("arguments", [(2, "a"), (2, -1), (True,)])
+def test_samples_without_a_seed_or_count_are_refused(generator, arguments):
+    with refused(SideganError, f"{arguments[-1]}"):
+        generator.sample(*arguments)
+
+
+def test_a_generator_is_not_written_over_a_folder(generator, tmp_path):
+    with refused(StorageError, str(tmp_path)):
+        generator.save(tmp_path)
 
 
 def test_one_weight_can_be_changed_alone(cell, seeds, surrogates, generator):
