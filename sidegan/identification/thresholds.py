@@ -36,7 +36,6 @@ EXPLAINED_BY_COUPLING = 0.3  # of residuals with a coupling, of which many are t
 FITTING = 0.1  # of torques with another load or friction: what is left must be an arm's model
 REPEATED = 0.5  # difference of a zero between the halves of the samples, relative to it
 NOTABLE_ZERO = 0.05  # [rad or m] 3°: smaller ones are mounting tolerances that links make up for
-NOTABLE_TILT = 0.03  # [rad] 2°: the same of an arm's base
 NOTABLE_MASS = 0.02  # share of the arm's mass, of a load or a link
 WHOLE_RATIO = 0.05  # difference from ±1 of a ratio between coupled joints that is taken for it
 CONTACT = 4.0  # residual of a twelfth of a recording over the median twelfth's
