@@ -12,9 +12,9 @@ import yaml
 from omegaconf import OmegaConf
 
 import sidegan
-from sidegan.base.conf import CONF
 from sidegan.gan.settings import ExactPhysics, GeneratorSettings, Refresh, Reward, Weights
 from sidegan.seeding import Seeds
+from tests.tiny import composed
 
 DOCS = Path(__file__).parents[1] / "docs"
 EXAMPLES, TUTORIALS = DOCS.parent / "examples", DOCS / "tutorials"
@@ -41,7 +41,7 @@ PRINTED = {
 }
 # A value and the setting that a comment behind it names: "0.2<!-- seeds/gradient: reserve -->".
 DECISIONS = (DOCS / "decisions.md").read_text(encoding="utf-8")
-QUOTED = re.compile(r"([\w.]+)`?( %)?<!-- ([\w/]+): ([\w.\[\]]+) -->")
+QUOTED = re.compile(r"([\w.]+)`?( %)?<!-- ([\w= ]+): ([\w.\[\]]+) -->")
 
 
 def cells(name: str) -> list[dict]:
@@ -91,7 +91,7 @@ def test_examples_run(name, capsys, monkeypatch):
     assert PRINTED[name] in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("value", "percent", "file", "setting"), QUOTED.findall(DECISIONS))
-def test_decisions_quote_the_current_settings(value, percent, file, setting):
-    current = OmegaConf.select(OmegaConf.load(CONF / f"{file}.yaml"), setting)
+@pytest.mark.parametrize(("value", "percent", "command", "setting"), QUOTED.findall(DECISIONS))
+def test_decisions_quote_the_current_settings(value, percent, command, setting):
+    current = OmegaConf.select(composed(*f"+experiment={command}".split()), setting)
     assert (100 * current if percent else current) == yaml.safe_load(value)

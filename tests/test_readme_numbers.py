@@ -6,11 +6,12 @@ from pathlib import Path
 import pytest
 
 from sidegan.base.conf import CONF
+from sidegan.design.selection import Selection
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 RESULTS = README.partition("\n## What it shows\n")[2].partition("\n## ")[0]
-SETTINGS = ("scale/quick", "scale/paper", "selection/greedy")  # such as the number of seeds
-LEVEL = "95"  # per cent, of intervals
+SCALES = ("quick", "paper")  # with numbers such as that of the seeds
+USUAL = {"95", str(Selection().count)}  # per cent of intervals, and trajectories of a set
 NUMBER = (
     r"(?<![\w.])(\d{1,3}(?:,\d{3})+|\d+(?:\.\d+)?)(?=((?: to [\d.]+)? %)?)"  # and whether per cent follows
 )
@@ -32,9 +33,9 @@ def unfounded(section: str) -> list[tuple[str, str]]:
     prose = "\n".join(line for line in lines if not line.startswith("|"))
     plain = [float(number) for number, _ in numbers(tables)]
     shares = [100 * x if x <= 1 else x for x in plain]
-    settings = {LEVEL}
-    for name in SETTINGS:
-        settings |= dict(numbers((CONF / f"{name}.yaml").read_text(encoding="utf-8"))).keys()
+    settings = set(USUAL)
+    for name in SCALES:
+        settings |= dict(numbers((CONF / "scale" / f"{name}.yaml").read_text(encoding="utf-8"))).keys()
     found = []
     for sentence in re.split(r"(?<=[.:;])\s+|\n\n", MARKUP.sub(r"\1", prose)):
         for number, share in numbers(sentence):

@@ -49,7 +49,7 @@ def chosen(group: str, option: str, kinds: Mapping[str, type], *others: str) -> 
     from omegaconf import OmegaConf
 
     if option not in (known := options(group)):
-        raise ConfigError(f"there is no {group} {option!r}, expected one of {', '.join(known)}")
+        raise ConfigError(f"there is no {group}={option}, expected one of {', '.join(known)}")
     offer_defaults(kinds)
     state = GlobalHydra.instance()
     outer, state.hydra = state.hydra, None  # of a command in which this is called

@@ -59,14 +59,15 @@ def test_the_loss_is_the_weighted_sum_of_active_losses(made, full, monkeypatch):
         batch = model(32)
         losses = [*model.losses(), *model.floors]
         assert len(losses) == 7 and losses[3].weight == epoch
-        assert found == pytest.approx(sum(weight * float(value(batch).detach()) for weight, value in losses))
+        assert found == pytest.approx(sum(loss.weight * float(loss.value(batch).detach()) for loss in losses))
 
 
 def test_discriminators_of_zero_weight_do_not_learn(made, full):
     for weights, count in ((FULL, 2), (replace(FULL, features=0), 1), (replace(NONE, rank=1), 0)):
         model = made(replace(full, weights=weights))
         assert len(model.adversaries) == count
-        assert len(model.configure_optimizers()) == 1 + (count > 0)
+        adams, schedules = model.configure_optimizers()
+        assert len(adams) == len(schedules) == 1 + (count > 0)
 
 
 def test_the_weight_of_violations_grows_geometrically(data, exact):

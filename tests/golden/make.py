@@ -29,7 +29,7 @@ from sidegan.gan.reward import energies
 from sidegan.identification import FULL, RIGID, EstimationSettings, Measurements, Terms, TorqueModel, estimate
 from sidegan.identification.workflow import identify_arm
 from sidegan.library import Library
-from sidegan.library.measure import measured
+from sidegan.library.measure import library_of
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact
@@ -198,7 +198,7 @@ class FixedRun(RunContext):
     def load(self, *artifacts: Artifact) -> Library:
         """These trajectories, whatever the artifacts."""
         c = draw(1, 24, 2, 3, 2) / np.array([1.0, 2.0, 3.0])[:, None]
-        return measured(self.cell.constraints, self.cell.trajectory, c, "fixed")
+        return library_of(self.cell.constraints, self.cell.trajectory, c, "fixed")
 
 
 def stages() -> dict[str, dict[str, float]]:

@@ -137,7 +137,7 @@ def test_a_clearance_is_part_of_the_stamp(context):
 @pytest.mark.parametrize(("room", "kept"), [(0.031, 0.02), (0.016, 0.01), (0.012, 0.005), (0.001, 0.0)])
 def test_the_default_clearance_leaves_home_room_to_move(context, caplog, room, kept):
     ball = f"workspace.regions=[{{sphere: {{centre: [{0.15 + room}, 0, 0.85], radius: 0.1}}}}]"
-    rest = ["clearance=null", "trajectory.home=[0.0, 0.0]", ball]
+    rest = ["workspace.clearance=null", "trajectory.home=[0.0, 0.0]", ball]
     made = context(*rest)
     assert (made.cell.constraints.clearance, made.cell.constraints.apart) == (kept, 0.02)
     with caplog.at_level("INFO"):

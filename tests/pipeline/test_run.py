@@ -178,18 +178,16 @@ def test_a_failed_sweep_table_is_reported(command, capsys, monkeypatch):
 def test_help_fits_a_screen_and_starts_nothing(command, capsys, tmp_path):
     assert command("--help") == 0
     shown = capsys.readouterr().out
-    examples = "+experiment=exp1 ", "seed=0,1,2", "'stages=[seeds]'", "robot.name=arm.urdf", "help=everything"
+    examples = (
+        "+experiment=exp1 ",
+        "seed=0,1,2",
+        "'stages=[seeds]'",
+        "robot.name=arm.urdf",
+        "workspace: desk, free",
+    )
     assert all(words in shown for words in examples)
     lines = shown.strip().splitlines()
-    assert len(lines) <= 40 and max(map(len, lines)) <= 110
-    assert command("--help", "hydra/help=everything") == 0
-    shown = capsys.readouterr().out
-    for words in (
-        "  long            the single long",
-        "experiment: ablation, excite, exp1",
-        "workspace: desk, free",
-    ):
-        assert words in shown
+    assert len(lines) <= 50 and max(map(len, lines)) <= 110
     assert [path for path in tmp_path.iterdir() if path.suffix != ".log"] == []
 
 
@@ -213,10 +211,10 @@ def test_help_may_be_cut_short(tmp_path):
 HEAVY = {"torch", "numpy", "pandas", "mlflow", "pytorch_lightning", "pinocchio", "pygmo", "matplotlib"}
 
 
-def test_the_configuration_is_shown_without_a_heavy_import(tmp_path):
-    command = [sys.executable, "-X", "importtime", "-m", "sidegan.run", "+experiment=exp1", "--cfg", "job"]
+def test_help_is_shown_without_a_heavy_import(tmp_path):
+    command = [sys.executable, "-X", "importtime", "-m", "sidegan.run", "--help"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=6000, check=False)
-    assert done.returncode == 0 and "experiment: exp1" in done.stdout
+    assert done.returncode == 0 and "experiment: ablation" in done.stdout
     imported = set(re.findall(r"\|\s+(\w+)$", done.stderr, re.MULTILINE))
     assert "omegaconf" in imported and not imported & HEAVY
     assert list(tmp_path.iterdir()) == []

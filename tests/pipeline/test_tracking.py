@@ -152,7 +152,7 @@ def test_a_sweep_is_recorded_as_parent_with_children_and_table(command, root, mo
     }
     for child in children:
         assert child.data.metrics["fitness"] == 2.0
-        assert child.data.params["gan.eigen.variant"] == "Eigen"
+        assert child.data.params["gan.eigen._target_"] == "sidegan.gan.variants.Eigen"
 
 
 def left(sweep, number, seed, width, nmse):

@@ -10,7 +10,7 @@ import torch
 
 import sidegan as sg
 from sidegan.errors import ArtifactError, SideganError, StorageError
-from sidegan.gan.settings import RECIPES
+from sidegan.gan.settings import variant_recipe
 from tests.refusals import refused
 from tests.steps.conftest import FREE
 
@@ -71,7 +71,7 @@ def test_one_weight_can_be_changed_alone(cell, seeds, surrogates, generator):
         return sg.train("eigen", cell, seeds, surrogates=surrogates[0], weights=weights, **SMALL).history
 
     less = history({"rank": 0})
-    assert less.equals(history(replace(RECIPES["eigen"].weights, rank=0.0)))
+    assert less.equals(history(replace(variant_recipe("eigen").weights, rank=0.0)))
     assert not less.equals(generator.history)
 
 
