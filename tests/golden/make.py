@@ -36,7 +36,7 @@ from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
 from sidegan.pipeline.stages.baselines import random_set
 from sidegan.pipeline.stages.identification import identification
-from sidegan.pipeline.stages.replication import compared, replication, sums
+from sidegan.pipeline.stages.replication import compared_sets, regression_sums, replication
 from sidegan.pipeline.stages.selection import ExcitationSet
 from sidegan.pipeline.store import Store
 from sidegan.plant import IDEAL, Plant
@@ -206,8 +206,8 @@ def stages() -> dict[str, dict[str, float]]:
     with TemporaryDirectory() as folder:
         run = FixedRun(tiny(f"outputs={folder}", "gan=eigen", experiment="reproduction"), Store(Path(folder)))
         excitation = ExcitationSet("fixed", None, run.cell.trajectory, random_set(run))
-        for pool in compared(run):
-            run.store.produce(sums(run, pool, "all"))
+        for pool in compared_sets(run):
+            run.store.produce(regression_sums(run, pool, "all"))
         return {
             "identification": _means(run, identification(run, excitation), EXPECTED, RESULTS, FACTS),
             "replication": _means(run, replication(run, "all"), RESULTS, FACTS),

@@ -46,7 +46,10 @@ WRONG = {
         ("path, None", lambda cell, it: sg.Generator.load(None, cell)),
         ("eigne", lambda cell, it: sg.train("eigne", cell)),
         ("eigen, seeds", lambda cell, it: sg.train("eigen", cell)),
-        ("weigths, weights", lambda cell, it: sg.train({"variant": "Vanilla", "weigths": {}}, cell, it)),
+        (
+            "weigths, weights",
+            lambda cell, it: sg.train({"_target_": "sidegan.gan.variants.Vanilla", "weigths": {}}, cell, it),
+        ),
         ("surrogates, {}", lambda cell, it: sg.train("eigen", cell, it, surrogates={})),
         ("box, -1", lambda cell, it: sg.train("vanilla", cell, it, box=-1)),
         ("box, inf", lambda cell, it: sg.train("vanilla", cell, it, box=np.inf)),

@@ -23,7 +23,9 @@ def surrogates(cell, seeds, tmp_path_factory):
     """Folder of small surrogates, and what ``surrogates`` reports of them."""
     folder = tmp_path_factory.mktemp("surrogates")
     networks = {"width": 16, "margin_steps": 8, "feature_steps": 8, "samples": 200, "epochs": 2}
-    networks["negatives"] = {"vanilla": {"variant": "Vanilla", "weights": {"adversarial": 1}, **SMALL}}
+    networks["negatives"] = {
+        "vanilla": {"_target_": "sidegan.gan.variants.Vanilla", "weights": {"adversarial": 1}, **SMALL}
+    }
     return folder, sg.surrogates(cell, seeds, folder, workers=1, **networks)
 
 
