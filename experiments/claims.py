@@ -78,5 +78,4 @@ def signed(finding: Judgement) -> str:
 def totals(verdicts: Iterable[str]) -> str:
     """Text with the number of claims for each verdict."""
     counts = Counter(verdicts)
-    parts = {verdict: counts[verdict] for verdict in _SIGNS if counts[verdict]}
-    return ", ".join(counted(n, v, _PLURAL.get(v, v)) for v, n in parts.items())
+    return ", ".join(counted(counts[v], v, _PLURAL.get(v, v)) for v in _SIGNS if counts[v])

@@ -189,7 +189,7 @@ class Cell:
         decisions = describe_decisions(
             self.arm, self.workspace, self.constraints, self.choices, self.home, self.effort
         )
-        return [*filter(None, [described(self.whole_arm)]), *decisions]
+        return [*describe_notes(self.whole_arm), *decisions]
 
     def check(self, coefficients: ArrayLike) -> Validity:
         """Validity of short trajectories [rad/s], (B, J, H, 2), over their whole period.
@@ -247,6 +247,6 @@ def coefficients_of(given: ArrayLike, cell: Cell) -> Array:
     return numbers(given, "coefficients")
 
 
-def described(arm: Arm) -> str:
-    """An arm's notes in one line; empty if there are none."""
-    return f"{arm.name}: {'; '.join(arm.notes)}" if arm.notes else ""
+def describe_notes(arm: Arm) -> list[str]:
+    """An arm's notes in one sentence; empty if there are none."""
+    return [f"{arm.name}: {'; '.join(arm.notes)}"] if arm.notes else []

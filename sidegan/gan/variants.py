@@ -166,7 +166,7 @@ class PublishedEigen(Eigen):
         """Losses of ``Eigen``; the weight of success grows from the first epoch with fitness."""
         adversarial, success, *others = super().losses()
         growth = 1 + _GROWTH * max(0, self.current_epoch - self.settings.fitness_start)
-        return [adversarial, Loss(success.weight * growth, self.failure, "success"), *others]
+        return [adversarial, success._replace(weight=success.weight * growth), *others]
 
     def failure(self, batch: Batch) -> Tensor:
         """One minus the mean probability of being valid."""

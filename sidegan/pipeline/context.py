@@ -14,7 +14,7 @@ from sidegan.base.names import folder_name
 from sidegan.base.random import number, stream
 from sidegan.base.storage import read_json
 from sidegan.cell import Cell
-from sidegan.cell.cell import described
+from sidegan.cell.cell import describe_notes
 from sidegan.library import LIBRARY, Library
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.compose import composed
@@ -66,7 +66,7 @@ class RunContext:
             placeholders = describe_placeholder_links(arm := self.cell.recorded_arm)
             warnings = [f"{placeholders}: they are not used as prior or reference"] if placeholders else []
             warnings += filter(None, [describe_other_units(arm)])
-            notes = list(filter(None, [described(arm)]))
+            notes = describe_notes(arm)
         for text in warnings:
             _log.warning("%s", text)
         for text in notes:

@@ -184,18 +184,20 @@ def check_recordings(
             raise ConfigError("recordings is empty, expected files or tables of the arm")
         arm = recorded_arm(cell, [*first, *held_out], settings)
         refuse_elsewhere(arm, [*first, *held_out], settings)
-        groups = read_groups(arm, first, held_out, "validation", settings, gains, sign_width, f"{folder}/")
-    training, validated = groups
+        training, validated = read_groups(
+            arm, first, held_out, "validation", settings, gains, sign_width, f"{folder}/"
+        )
+    found = [*training, *validated]
     if share is not None:
         parts = [hold_out(checked, share) for checked in training]
-        training, validated = [first for first, _ in parts], [last for _, last in parts]
+        training, validated = [head for head, _ in parts], [tail for _, tail in parts]
     given: dict[str, Any] = {"recordings": first, "validation": held_out or share}
     given |= {} if gains is None else {"robot.gains": np.asarray(gains, float).tolist()}
     command, excite = _commands(cell, arm, given, settings)
     command = command.replace(f"{folder}/", "")  # data frames are shown by their names
     robot = {"name": cell.robot, "gains": gains, **asdict(cell.setup)}
     origin = Origin(command, excite, {"robot": robot, "recording": asdict(settings)})
-    return Checked(arm, [*groups[0], *groups[1]], training, validated, origin)
+    return Checked(arm, found, training, validated, origin)
 
 
 def read_groups(
