@@ -18,8 +18,8 @@ def compile_beside() -> None:
     """Start compiling in another process, unless the kernels are already compiled.
 
     At most once per process, only with a second core, and never from a frozen program, which would start
-    itself. The other process begins with what this one needs last, and waits for what this one compiles. A
-    first search takes about two thirds of the time, since numba compiles one kernel at a time in a process.
+    itself. The other process begins with what this one needs last, and waits for what this one compiles.
+    numba compiles one kernel at a time in a process, so only another process can use a second core.
     """
     python = "" if getattr(sys, "frozen", False) else sys.executable or ""
     missing = visit.to_be_compiled() or descend.to_be_compiled()

@@ -1,9 +1,10 @@
 """Compilation of kernels: once, then loaded from a cache on disk.
 
 Kernels call each other without a Python wrapper; only kernels called from Python get one, because it takes
-longer to compile than most kernels. What kernels call is cached, too: numba's public way to such functions,
-``register_jitable``, would compile it again for every kernel and in every process. Without reference counting
-(``_nrt``) kernels are twice as fast but cannot allocate memory: the caller passes scratch arrays.
+longer to compile than most kernels. What kernels call is cached, too, in the same folder: numba's public way
+to such functions, ``register_jitable``, cannot be told where, and without a cache every process compiles
+them again. Without reference counting (``_nrt``) kernels are twice as fast but cannot allocate memory: the
+caller passes scratch arrays.
 """
 
 import hashlib
