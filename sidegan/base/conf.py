@@ -1,5 +1,6 @@
 """Where the settings in ``conf/`` are, and what they say of a group: the library's defaults, too."""
 
+import threading
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, fields, is_dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from sidegan.errors import ConfigError
 _HERE = Path(__file__).resolve().parents[1]  # conf/ is next to the package in a clone, inside it in a wheel
 CONF = next((path for path in (_HERE / "conf", _HERE.parent / "conf") if path.is_dir()), _HERE / "conf")
 VERSIONS = CONF.with_name("params.yaml")  # of what makes artifacts
+_composing = threading.Lock()  # Hydra's state is the process's
 
 
 def options(group: str) -> list[str]:
@@ -51,14 +53,14 @@ def chosen(group: str, option: str, kinds: Mapping[str, type], *others: str) -> 
     if option not in (known := options(group)):
         raise ConfigError(f"there is no {group}={option}, expected one of {', '.join(known)}")
     offer_defaults(kinds)
-    state = GlobalHydra.instance()
-    outer, state.hydra = state.hydra, None  # of a command in which this is called
-    try:
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            composed = compose(
-                overrides=[f"+{word}" for word in ("scale=quick", *others, f"{group}={option}")]
-            )
-    finally:
-        state.hydra = outer
+    words = [f"+{word}" for word in ("scale=quick", *others, f"{group}={option}")]
+    with _composing:
+        state = GlobalHydra.instance()
+        outer, state.hydra = state.hydra, None  # of a command in which this is called
+        try:
+            with initialize_config_dir(str(CONF), version_base="1.3"):
+                composed = compose(overrides=words)
+        finally:
+            state.hydra = outer
     values: Any = OmegaConf.to_container(composed[group], resolve=True)
     return values
