@@ -18,7 +18,7 @@ from sidegan.gan.published import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
 from sidegan.gan.settings import SurrogateSettings, Variant
 from sidegan.gan.surrogates import Converter, SuccessPredictor, learn, scores
-from sidegan.gan.tensors import numpy_array, read_tensors, tensor, write_network
+from sidegan.gan.tensors import keep_freed_memory, numpy_array, read_tensors, tensor, write_network
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
@@ -162,6 +162,7 @@ class Pretraining:
         progress: Report,
     ) -> None:
         """Train by Adam with a one-cycle learning rate, in a new order every epoch."""
+        keep_freed_memory()
         count, epochs = len(tensors[0]), self.settings.epochs
         orders = (torch.randperm(count, generator=random) for _ in range(epochs))
         batches = (rows for order in orders for rows in order.split(_BATCH))

@@ -62,7 +62,9 @@ def load_generator(run: RunContext, made: Artifact) -> "TrajectoryGenerator":
     """The generator of an artifact, which must exist."""
     with extra("paper"):
         from sidegan.gan.generator import TrajectoryGenerator
+        from sidegan.gan.tensors import keep_freed_memory
 
+    keep_freed_memory()
     return TrajectoryGenerator.load(run.store.require(made) / GENERATOR, run.cell.arm)
 
 
