@@ -18,7 +18,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.operations import eigh
 from sidegan.motion.trajectory import Trajectory
 
-LEAST_SAMPLES = 40  # least samples per trajectory: more change the sums by less than 1 %
+LEAST_TIMES = 40  # least samples per trajectory: more change the sums by less than 1 %
 _PER_HARMONIC = 7  # least samples per harmonic
 TOGETHER, DRAWS = 35, 200  # trajectories per set, as in the paper, and number of random sets
 _STATES_AT_ONCE = 4096  # per regressor: 10 MB at seven joints
@@ -146,7 +146,7 @@ def error_slope(wanted: Array, information: Array, noise: Array) -> tuple[Array,
 
 def sample_times(trajectory: Trajectory) -> Array:
     """Times [s], (T,), sufficient for sums over a period."""
-    return trajectory.grid(max(LEAST_SAMPLES, _PER_HARMONIC * trajectory.harmonics))
+    return trajectory.grid(max(LEAST_TIMES, _PER_HARMONIC * trajectory.harmonics))
 
 
 def inverse_of(information: Array, least: float) -> Array:

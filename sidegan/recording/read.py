@@ -16,7 +16,7 @@ from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.recording.stationary import load_for
 from sidegan.robot import Arm
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 def read_and_check(
@@ -49,13 +49,13 @@ def read_and_check(
     for (file, role), checked in zip(files, found):
         name = recording_name(file) if isinstance(file, Files) else file.removeprefix(folder)
         raw = checked.statistics
-        log.info("%s: %d samples in %.4g s, %s", name, raw.samples, raw.duration, role)
+        _log.info("%s: %d samples in %.4g s, %s", name, raw.samples, raw.duration, role)
         for statement in checked.statements:
-            log.info("  %s", statement)
+            _log.info("  %s", statement)
         for warning in checked.warnings:
             warned[warning].append(name)
     for warning, names in warned.items():
-        log.warning("%s: %s", listed(names), warning)
+        _log.warning("%s: %s", listed(names), warning)
     return found
 
 

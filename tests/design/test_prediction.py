@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sidegan.design.prediction import (
-    LEAST_SAMPLES,
+    LEAST_TIMES,
     Prediction,
     TorqueNoise,
     error_slope,
@@ -65,8 +65,8 @@ def test_few_samples_predict_the_error_of_many(lwr_problem):
     c, tests = random_motions(lwr_problem, 35, seed=1), random_motions(lwr_problem, 3, 0.8, seed=2)
     for noise in (equal(lwr_problem), TorqueNoise.constant(lwr_problem.body, 0.01)):
         fine = predicting(lwr_problem, tests, noise, 100.0)
-        times = lwr_problem.trajectory.grid(LEAST_SAMPLES)
-        coarse = Prediction(fine.body, fine.trajectory, fine.wanted, noise, times, each=1601 / LEAST_SAMPLES)
+        times = lwr_problem.trajectory.grid(LEAST_TIMES)
+        coarse = Prediction(fine.body, fine.trajectory, fine.wanted, noise, times, each=1601 / LEAST_TIMES)
         np.testing.assert_allclose(coarse.of_draws(c, 35, 1), fine.of_draws(c, 35, 1), rtol=0.02, atol=0)
 
 

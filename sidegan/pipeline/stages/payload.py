@@ -23,7 +23,7 @@ from sidegan.robot import Arm
 from sidegan.steps.identify import read_groups
 
 _UNITS = ["kg", *["m"] * 3, *["kg·m²"] * 6]  # of a load's values
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 def _checked(
@@ -65,9 +65,9 @@ def _show_payload(run: RunContext, tracker: Tracker) -> None:
     if found.certain:
         mass = f"{values[0]:.3f} ± {deviation[0]:.1g} kg"
         place = ", ".join(f"{x:.4f} ± {s:.1g}" for x, s in zip(values[1:4], deviation[1:4]))
-        log.info("load: %s, centre of mass (%s) m in the frame of %s", mass, place, found.link)
+        _log.info("load: %s, centre of mass (%s) m in the frame of %s", mass, place, found.link)
     else:
-        log.info("load: none that can be detected (%.2g ± %.1g kg)", values[0], deviation[0])
+        _log.info("load: none that can be detected (%.2g ± %.1g kg)", values[0], deviation[0])
 
 
 def _show_gains(run: RunContext, tracker: Tracker) -> None:
@@ -87,9 +87,9 @@ def _show_gains(run: RunContext, tracker: Tracker) -> None:
     table = pd.DataFrame(shown, pd.Index(arm.joint_names, name="joint"))
     publish(table, folder / "gains", f"Drive gains of {arm.name} (load: {cfg.load.mass:g} kg)", tracker)
     for doubt in (doubts := found.doubts(arm)):
-        log.warning("robot.gains cannot be set: %s", doubt)
+        _log.warning("robot.gains cannot be set: %s", doubt)
     if not doubts:
-        log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))
+        _log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))
 
 
 STAGES = {
