@@ -1,4 +1,4 @@
-"""Where the settings in ``conf/`` are, and what they say of a group: the library's defaults, too."""
+"""Settings in ``conf/``: where they are, the defaults that they begin with, and what a choice composes."""
 
 import threading
 from collections.abc import Mapping

@@ -46,7 +46,7 @@ class Loss(NamedTuple):
 
     weight: float
     value: Value
-    name: str = "other"  # of its curve
+    name: str = "other"  # under which a training logs it
 
 
 class Adversary(nn.Module):

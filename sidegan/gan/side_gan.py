@@ -138,9 +138,9 @@ class SideGAN(pl.LightningModule):
         for optimiser in critics:
             with torch.no_grad():
                 fake = self(len(rows))
-            losses = torch.stack([d.own_loss(rows, fake) for d in self.adversaries])
-            self._record("discriminator", losses.sum())
-            self._step(optimiser, losses.sum())
+            loss = torch.stack([d.own_loss(rows, fake) for d in self.adversaries]).sum()
+            self._record("discriminator", loss)
+            self._step(optimiser, loss)
         for _ in range(self.settings.generator_steps):
             self._step(generator, self.generator_loss(len(rows)))
         schedulers: Any = self.lr_schedulers()
