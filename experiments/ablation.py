@@ -21,7 +21,6 @@ if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
 NAME = "ablation"  # of the page and its template
-CONTROLS = (SEEDS, "random", "natural")
 RECIPE, FRONT = "the recipe", "fitness "  # rows of the front: the recipe's own weight, and others
 _CAPTION = (
     "Mean ± standard deviation over trainings, of which there are n. Valid share and cond(YᵀY) are of all "
@@ -76,7 +75,7 @@ def numbers(rows: Mapping[str, Artifacts]) -> pd.DataFrame:
     for row, made in rows.items():
         every = made.generators.assign(valid=tables.valid_share(made.generators), row=row)
         if not frames:
-            frames.append(every[every.name.isin(CONTROLS)].assign(row="controls", cpu=np.nan))
+            frames.append(every[~every.name.isin(made.cfg.gan)].assign(row="controls", cpu=np.nan))
         part = every[every.name.isin(made.cfg.gan)]
         each = zip(part.name, part.training.astype(int))
         cost = [made.costs(generator(made.run, *one))["cpu_seconds"] for one in each]

@@ -72,6 +72,7 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "sets": (tables.excitation_table(raw), "The excitation sets"),
         "generators": (tables.generator_table(artifacts.generators), training.caption(artifacts)),
         "likeness": (tables.likeness_table(artifacts.generators), training.BESIDE),
+        "searches": (training.searched(artifacts), training.SEARCHED),
     }
     progress = training.figure(artifacts.histories, artifacts.few_seeds)
     drawn = {"training": progress, "nmse": figures.errors(raw), **training.pictures(artifacts)}
@@ -83,20 +84,21 @@ def table1(
 ) -> pd.DataFrame:
     """Table I with our rows and the paper's; the spread is over trainings and noise draws or plants.
 
-    Errors from noise draws come first, then expected ones if available, those under constant noise, and those
-    on plants; some also as geometric means, since a single joint can have most of the error.
+    Expected errors come first if available, then those under constant noise, from noise draws, and on plants;
+    some as geometric means, too, and these before the others, since a single joint can have most of the error.
     """
-    rows, parts = {}, {SIMULATOR: raw[~raw.weighted], WEIGHTED: raw[raw.weighted]}
+    rows, parts = {}, dict[str, pd.DataFrame]()
     if len(expected):
         known = expected.weighted.astype(bool)
         parts |= {EXPECTED: expected[~known], EXPECTED_WEIGHTED: expected[known]}
     parts |= {CONSTANT: constant} if len(constant) else {}
+    parts |= {SIMULATOR: raw[~raw.weighted], WEIGHTED: raw[raw.weighted]}
     parts |= {PLANT: plant[~plant.weighted], PLANT_WEIGHTED: plant[plant.weighted]}
     for label, part in parts.items():
         levels = [key for key in (TRAINING, REPEAT) if key in part]
-        rows[label] = _by_set(part.groupby(["set", *levels]).nmse.mean())
         if label in (EXPECTED, PLANT, PLANT_WEIGHTED):
             rows[f"{label}, geometric mean"] = _by_set(geometric(part).set_index("set").nmse)
+        rows[label] = _by_set(part.groupby(["set", *levels]).nmse.mean())
     columns = tables.sort_sets(raw["set"].unique())
     kinds = {name: name.partition("-")[0] for name in columns} | dict.fromkeys(SIDE_GANS, "generated")
     for label, paper in PAPER["table1"].items():

@@ -188,6 +188,7 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
         "readings": exp2.readings(made),
         "table3": exp2.table3(made.whole_facts),
         "whole": exp2.errors(made.whole_errors),
+        "searches": training.searched(made),
         "density": tables.formatted(made.density, COLUMNS["density"]).set_index("bandwidth [Scott's]"),
         "timing": _timing(made),
     }

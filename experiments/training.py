@@ -15,6 +15,7 @@ from experiments.pages import leave
 from experiments.verdicts import TRAINING
 from sidegan.base.arrays import flatten
 from sidegan.base.names import counted
+from sidegan.pipeline.stages.baselines import searched_sets
 from sidegan.pipeline.stages.measures import together
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS
@@ -32,6 +33,10 @@ _GENERATORS = (
     "seeds over that of {count} random members of the set; natural: random draws in natural coordinates"
 )
 BESIDE = "The same sets, compared in equal numbers with one half of the seeds (row seeds: the other half)"
+SEARCHED = (
+    "Search or generator: CPU time of a searched trajectory, and from how many trajectories on a generator has "
+    "cost less, with its seeds, surrogates and training, which are paid once"
+)
 _MEANS = ("valid", *tables.WORTH, *tables.LIKENESS)
 _LEAST = 1e-30  # lower bound of diag(YᵀY), which is zero for a column without excitation
 _MOVED, _TIMES = 3, 6  # trajectories along which the arm is shown, and times
@@ -49,6 +54,7 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
             f"{caption(artifacts)} ({over})",
         ),
         "likeness": (tables.likeness_table(artifacts.generators), BESIDE),
+        "searches": (searched(artifacts), SEARCHED),
         "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
     }
     drawn = {"training": figure(histories, artifacts.few_seeds), **pictures(artifacts)}
@@ -63,6 +69,18 @@ def caption(artifacts: Artifacts) -> str:
 def summary(generators: pd.DataFrame) -> pd.DataFrame:
     """Worth of generators, baselines and seeds, mean over trainings, for the table of a sweep."""
     return means(generators).rename(columns={"valid": "valid share", **tables.WORTH, **tables.LIKENESS})
+
+
+def searched(artifacts: Artifacts) -> pd.DataFrame:
+    """What searched trajectories cost, and from which number of them on each generator has cost less."""
+    seeds, first = artifacts.seed_seconds * artifacts.cfg.seeds.count, artifacts.cfg.trainings[0]
+    once = {name: seeds + artifacts.training_seconds(name, first) for name in artifacts.cfg.gan}
+    rows = {}
+    for name, made in searched_sets(artifacts.run).items():
+        each = artifacts.costs(made)["cpu_each"]
+        rows[name] = {"each": 1e3 * each} | {key: cost / each for key, cost in once.items()}
+    columns = {"each": ("CPU [ms]", ".3g")} | {key: (key, ".3g") for key in once}
+    return tables.formatted(pd.DataFrame.from_dict(rows, orient="index"), columns).rename_axis("search")
 
 
 def means(generators: pd.DataFrame) -> pd.DataFrame:

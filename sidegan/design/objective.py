@@ -183,6 +183,7 @@ class Objective:
                 rotor=array(drives.rotor_inertia),
             ),
             higher=higher,
+            box=np.inf if problem.box is None else problem.box,
             close=0.0,
             reach=0.0,
             goal=arrays,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sidegan.base.arrays import Array, flatten, split
+from sidegan.design.objective import Goal
 from sidegan.design.problem import Coordinates, Problem
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody
@@ -88,6 +89,19 @@ class Prediction:
         times = sample_times(trajectory)
         each = trajectory.period * rate / len(times)
         return cls(body, trajectory, wanted, noise, times, each=each, least=1 / prior)
+
+    @property
+    def goal(self) -> Goal:
+        """Goal of a search for one trajectory: its error, summed over joints, with noise of ``deviation`` alone."""
+        values, vectors = np.linalg.eigh(self.wanted.sum(0))
+        kept = values > _ROUNDING * len(values) * np.finfo(float).eps * values[-1]
+        return Goal(
+            "variance",
+            prior=self.least * np.eye(len(values)),
+            certainty=1 / self.noise.deviation,
+            rate=self.each * len(self.times) / self.trajectory.period,
+            targets=(vectors[:, kept] * np.sqrt(values[kept])).T,
+        )
 
     def informations(self, c: Array) -> tuple[Array, Array]:
         """Information M and noise S, (N, p, p) each, of trajectories [rad/s], (N, J, H, 2)."""

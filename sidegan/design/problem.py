@@ -40,6 +40,7 @@ class Problem:
     trajectory: Trajectory  # the family of trajectories
     samples: int = 60  # time points per period for the objective and the constraints
     strongest: int | None = None  # number of largest eigenvalues in the fitness; None: all
+    box: float | None = None  # bound on absolute coefficients [rad/s]; None: no bound
 
     def __post_init__(self) -> None:
         joints, harmonics, _ = self.trajectory.shape
@@ -71,7 +72,7 @@ class Problem:
         """Largest share of its tightest limit that each joint uses, (B, J).
 
         The limits are those that are linear in the coefficients: position from home, velocity and, if
-        present, acceleration and jerk.
+        present, acceleration, jerk, and the box.
         """
         arm = self.constraints.arm
         times = self.trajectory.grid(4 * self.samples)
@@ -86,6 +87,8 @@ class Problem:
         for name, limit in self.constraints.higher.items():
             x = self.trajectory.derivative(c, times, DERIVATIVE_ORDER[name])
             use = np.maximum(use, np.abs(x).max(1) / limit)
+        if self.box is not None:
+            use = np.maximum(use, np.abs(c).max((2, 3)) / self.box)
         return np.maximum(use, 1e-9)
 
     def gram(self, c: Array) -> Array:

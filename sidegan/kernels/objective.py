@@ -35,6 +35,7 @@ class Plan(NamedTuple):
     fine: Array
     limits: PenaltyLimits  # for torques at the T samples, for everything else at the finer ones
     higher: Array  # limits on acceleration, jerk, …, (L, J); infinite where unlimited
+    box: float  # bound on absolute coefficients; infinite if there is none
     close: float  # weight of squared distance shortfalls, at the finer samples [1/m²]
     reach: float  # distance below which the penalty starts [m]
     goal: goals.GoalArrays
@@ -159,13 +160,22 @@ def _bound(plan: Plan, work: PlanBuffers) -> float:
 
 
 @kernel
+def _keep_in_box(plan: Plan, work: PlanBuffers) -> float:
+    """Penalty of coefficients outside the box; writes its gradient."""
+    weight, reserve, total = plan.limits.weight, plan.limits.reserve, 0.0
+    for j in range(len(work.c)):
+        total += _cost_of(work.c[j], 0.0, plan.box, reserve, weight, work.back[j])
+    return total
+
+
+@kernel
 def _pull_back(plan: Plan, gradient: Array, work: PlanBuffers) -> None:
-    """Propagate the gradients on both sample grids back to the point."""
+    """Propagate the gradients on both sample grids, and that in the coefficients, back to the point."""
     joints, functions = work.back.shape
     samples, finer = work.states.shape[3], work.fine.shape[2]
     for j in range(joints):
         for k in range(functions):
-            total = 0.0
+            total = work.back[j, k]
             for r in range(3):
                 total += product(work.slope[r, j], plan.basis[r, k], samples)
             for r in range(len(plan.fine)):
@@ -195,7 +205,7 @@ def _penalised(plan: Plan, count: int, gradient: Array, work: PlanBuffers) -> fl
                 work.sets[k, 10 * i + columns.kinds[m]] = work.goal.base[k, m]
         for e in range(len(plan.extra.kinds)):
             work.signals.shares[k, e] = work.goal.base[k, len(columns.kinds) + e]
-    cost = slopes(plan, count, work) + _bound(plan, work)
+    cost = slopes(plan, count, work) + _bound(plan, work) + _keep_in_box(plan, work)
     if plan.close > 0:
         asked = plan.reach, plan.close
         cost += keep_apart(plan.chain, plan.shapes, work.fine, asked, work.push[0], work.near)[0]

@@ -118,7 +118,11 @@ def cost_of(problem, coordinates, x):
     distances = [margins[name] for name in ("collision", "keep_out") if name in margins]
     short = np.maximum(p.distance - np.concatenate(distances, 1) / 0.25, 0)  # of shares of 0.25 m
     parts.append(p.weight * np.square(short))
-    return sum(float(part.sum(1).mean()) for part in parts)
+    cost = sum(float(part.sum(1).mean()) for part in parts)
+    if problem.box is not None:
+        use = np.abs(coordinates.coefficients(x[None])) / problem.box
+        cost += p.weight * np.square(np.maximum(use + p.limits - 1, 0)).sum() / (problem.samples * REFINE)
+    return cost
 
 
 def assert_defined_so(problem, goal, seed, use=1.2):
@@ -143,6 +147,14 @@ def test_value_and_gradient_agree_with_definition_and_finite_differences(arm, ca
     problem = Problem(*CASES[case](arm), samples=40)
     for goal in goals(problem).values() if case == "all" else [Goal()]:
         assert assert_defined_so(problem, goal, seed=2) > 0  # something is violated
+
+
+def test_a_box_around_the_coefficients(arm):
+    problem = Problem(*CASES["desk"](arm), samples=40)
+    boxed = replace(problem, box=0.1)
+    assert (problem.limit_use(c := np.full((1, *problem.trajectory.shape), 0.11)) < boxed.limit_use(c)).all()
+    free, cost = (assert_defined_so(each, Goal(), seed=2) for each in (problem, boxed))
+    assert free < cost
 
 
 def test_an_arm_of_two_joints_and_few_parameters(planar):

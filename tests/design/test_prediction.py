@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sidegan.base.arrays import flatten
+from sidegan.design.objective import Objective
 from sidegan.design.prediction import (
     LEAST_TIMES,
     Prediction,
@@ -59,6 +61,18 @@ def test_errors_with_constant_noise_scale_with_noise_and_measurements(problem):
     np.testing.assert_allclose(errors[1], 4 * errors[0], rtol=1e-4, atol=0)
     twice = predicting(problem, tests, fine).of_draws(np.tile(c, (2, 1, 1, 1)), 24, 1)
     np.testing.assert_allclose(twice, errors[0] / 2, rtol=1e-4, atol=0)
+
+
+def test_a_search_minimises_the_error_of_its_trajectory(problem):
+    c, tests = random_motions(problem, 4, seed=1), random_motions(problem, 3, 0.8, seed=2)
+    noise = TorqueNoise.constant(problem.body, 0.01)
+    samples = problem.trajectory.grid(problem.samples)
+    ours = replace(predicting(problem, tests, noise), times=samples)
+    objective, points = Objective(problem, ours.goal), flatten(c, 2)
+    covariance = inverse_of(ours.informations(c)[0], ours.least)
+    errors = (ours.wanted.sum(0) * covariance).sum((1, 2))
+    found = [objective(x, np.zeros_like(x))[0] for x in points]
+    np.testing.assert_allclose(found, np.log(errors), rtol=1e-6)
 
 
 def test_few_samples_predict_the_error_of_many(lwr_problem):

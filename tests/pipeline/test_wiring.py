@@ -14,17 +14,19 @@ from scipy.spatial.distance import cdist, pdist
 
 from sidegan.base.arrays import flatten
 from sidegan.base.storage import read_json
+from sidegan.design.prediction import TorqueNoise
 from sidegan.identification import study
 from sidegan.library import LIBRARY, Library
 from sidegan.library.measure import library_of
 from sidegan.pipeline.context import REPORT, RESULTS, RunContext
 from sidegan.pipeline.stages import baselines, discussion
 from sidegan.pipeline.stages import identification as plants
-from sidegan.pipeline.stages.baselines import natural_set, random_set, random_valid, searched_set
+from sidegan.pipeline.stages.baselines import natural_set, random_set, random_valid, searched_sets
 from sidegan.pipeline.stages.discussion import density
 from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.measures import measures
 from sidegan.pipeline.stages.selection import ExcitationSet, Pool, selection
+from sidegan.seeding import seeds_recipe
 from sidegan.validity import check
 
 TIGHT = ("workspace.regions=[{plane:{normal:[1,0,0],offset:-0.3}}]",)  # a wall that random motions hit
@@ -89,15 +91,21 @@ def test_natural_draws_reach_as_far_as_99_percent_are_valid(context, build):
     np.testing.assert_allclose(use, report["reach"], rtol=0.02)
 
 
-def test_a_longer_search_finds_better_conditions_and_all_are_valid(context, build, monkeypatch):
+def test_longer_searches_are_better_and_keep_to_the_seeds_box(context, build, monkeypatch):
     monkeypatch.setattr(baselines, "_SEARCHED", 12)
-    made, conditions = context(), []
-    for evaluations in (10, 80):
-        searched_set(made, evaluations).make(build)
+    made = context()
+    assert not any(name.startswith(baselines.BOXED) for name in searched_sets(made))  # these seeds have no box
+    made = made.with_settings(seeds=seeds_recipe("paper", box=0.2))
+    noise, found = TorqueNoise.constant(made.cell.body, made.cfg.identification.constant), {}
+    for name, artifact in searched_sets(made).items():
+        artifact.make(build)
         library = Library.load(build.folder / LIBRARY, made.cell.arm)
-        assert len(library) == 12 and library.valid.all()
-        conditions.append(np.median(library.fitness))
-    assert conditions[1] < 0.5 * conditions[0]
+        assert len(library) == 12 and library.valid.all() and build.costs["cpu_each"] > 0
+        error = baselines.prediction(made, noise).of_draws(library.coefficients, 6).mean()
+        found[name] = np.median(library.fitness), error, np.abs(library.coefficients).max()
+    assert found["search-160"][0] < 0.5 * found["search-10"][0]
+    assert found["boxed-160"][1] < 0.7 * found["boxed-10"][1]
+    assert found["boxed-160"][2] <= 0.2 < found["search-160"][2]
 
 
 def test_sets_are_measured_against_half_of_the_seeds(planted, build, monkeypatch):

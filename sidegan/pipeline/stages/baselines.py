@@ -3,8 +3,10 @@
 Short trajectories by the long one's optimiser come with it.
 """
 
-from dataclasses import asdict
+from contextlib import suppress
+from dataclasses import asdict, replace
 from functools import partial
+from time import process_time
 
 import numpy as np
 
@@ -30,7 +32,7 @@ REACH = 0.8  # share of its tightest joint limit that a random trajectory uses
 _TRIES = 1000  # most draws per random trajectory
 _DRAWN, _VALID, _BISECTIONS = 400, 0.99, 12  # natural draws, their share to be valid, steps to find the reach
 _SEARCHED = 200  # trajectories of each search
-_EVALUATIONS = (10, 40, 160)
+SEARCH, BOXED, _EVALUATIONS = "search-", "boxed-", (10, 40, 160)
 GRADIENT, _CHOICE = "gradient", 5  # optimiser of the single long trajectory; short ones for each one picked
 
 
@@ -96,30 +98,50 @@ def _make_natural(run: RunContext, build: Build) -> None:
     _save(run, build, c[valid], "natural", reach=reach, valid_share=float(valid.mean()))
 
 
-def searched_set(run: RunContext, evaluations: int) -> Artifact:
-    """Trajectories that a search with a number of evaluations each finds for a small condition number."""
-    name, settings = f"search-{evaluations}", SearchSettings(evaluations=evaluations)
-    make = partial(_make_searched, name=name, settings=settings)
-    return run.artifact("baseline", name, make, {"count": _SEARCHED, **asdict(settings)}, title=name)
+def searched_sets(run: RunContext) -> dict[str, Artifact]:
+    """Trajectories that a search finds, by name, which ends with the evaluations for each.
+
+    "search": for a small condition number, within the arm's limits; "boxed": for prediction, and also within
+    the box of the seeds, if they have one.
+    """
+    made = {}
+    for kind in (SEARCH, BOXED)[: 1 if run.cfg.seeds.box is None else 2]:
+        for evaluations in _EVALUATIONS:
+            name, chosen = f"{kind}{evaluations}", SearchSettings(evaluations=evaluations)
+            settings = {"count": _SEARCHED, **asdict(chosen)}
+            if kind == BOXED:
+                study = run.cfg.identification
+                settings |= {key: getattr(study, key) for key in ("rate", "prior", "constant", "tests", "reach")}
+                settings |= {"box": run.cfg.seeds.box}
+            make = partial(_make_searched, name=name, settings=chosen)
+            made[name] = run.artifact("baseline", name, make, settings, title=name)
+    return made
 
 
 def _make_searched(run: RunContext, build: Build, name: str, settings: SearchSettings) -> None:
+    problem, goal = run.cell.problem, Goal()
+    if name.startswith(BOXED):
+        problem = replace(problem, box=run.cfg.seeds.box)
+        goal = prediction(run, TorqueNoise.constant(run.cell.body, run.cfg.identification.constant)).goal
     found = []
     first = run.number("search")
+    with suppress(InfeasibleError):
+        search(problem, goal, settings, first)  # compiles kernels, which is not a cost of searching
+    began = process_time()
     for k in range(_SEARCHED):
         try:
-            found.append(search(run.cell.problem, Goal(), settings, first + k).coefficients)
+            found.append(search(problem, goal, settings, first + k).coefficients)
         except InfeasibleError:
             if k + 1 == _SEARCHED and not found:
                 raise
         build.report(k + 1, _SEARCHED)
+    build.costs["cpu_each"] = (process_time() - began) / _SEARCHED
     _save(run, build, np.stack(found), name, valid_share=len(found) / _SEARCHED)
 
 
 def baselines(run: RunContext) -> dict[str, Artifact]:
     """Sets that generators are compared with, by name."""
-    searched = {f"search-{n}": searched_set(run, n) for n in _EVALUATIONS}
-    return {"random": random_set(run), "natural": natural_set(run), **searched}
+    return {"random": random_set(run), "natural": natural_set(run), **searched_sets(run)}
 
 
 def long_family(run: RunContext, harmonics: int) -> Trajectory:
@@ -165,7 +187,7 @@ def _long(run: RunContext) -> list[Artifact]:
 
 def _compile_searches(run: RunContext) -> None:
     """Start compiling what missing searches need, while other stages run."""
-    if any(run.store.find(searched_set(run, evaluations)) is None for evaluations in _EVALUATIONS):
+    if any(run.store.find(made) is None for made in searched_sets(run).values()):
         compile_beside()
 
 
