@@ -22,6 +22,7 @@ from sidegan.validity.pairs import random_configurations
 from sidegan.validity.thresholds import (
     COINCIDENCE,
     GEARED,
+    LEG_JOINTS,
     MOSTLY_HELD,
     PLAUSIBLE_TORQUE,
     PLAUSIBLE_UNKNOWN,
@@ -96,7 +97,7 @@ def describe_placeholder_limits(arm: Arm) -> str:
     kinds = {
         "position": (span, (span > most["position"]) | (turns & alike & (span > TURN))),
         "velocity": (arm.velocity_limit, (arm.velocity_limit > most["velocity"]) | _motors(arm)),
-        "effort": (arm.torque_limit, _strong(arm)),
+        "effort": (arm.torque_limit, _strong(arm, most["effort"])),
     }
     wrong, settings = [], []
     for kind, (values, marked) in kinds.items():
@@ -114,13 +115,13 @@ def describe_placeholder_limits(arm: Arm) -> str:
 def _motors(arm: Arm) -> Array:
     """Joints whose described velocities, too fast at the tip, are probably the motors', (J,) bool.
 
-    Not of legs, which are as fast, and have three joints.
+    Not of legs, which are as fast.
     """
     beyond = np.linalg.norm([*arm.translation[1:], arm.tip], axis=1)[::-1].cumsum()[::-1]
     given = [name in _given(arm, "velocity") for name in arm.joint_names]
     fast = ~arm.prismatic & (arm.velocity_limit > FAST_JOINT) & ~np.array(given)
     quick = float((arm.velocity_limit * beyond * fast).max()) > FASTEST_TIP
-    return fast & quick & (arm.joints > COINCIDENCE) & (2 * fast.sum() >= (~arm.prismatic).sum())
+    return fast & quick & (arm.joints > LEG_JOINTS) & (2 * fast.sum() >= (~arm.prismatic).sum())
 
 
 def describe_weak_limits(arm: Arm) -> str:
@@ -192,11 +193,11 @@ def _held(arm: Arm) -> Array:
     return np.abs(RigidBody(arm).torque(q, 0 * q, 0 * q))
 
 
-def _strong(arm: Arm) -> Array:
-    """Joints with implausibly large torque limits, (J,) bool."""
+def _strong(arm: Arm, largest: Array) -> Array:
+    """Joints with implausibly large torque limits, (J,) bool: above the largest, or all above what holds them."""
     limit, turns = arm.torque_limit, ~arm.prismatic
     held = _held(arm).max(0)
-    strong = np.isfinite(limit) & (limit > LIMITS["effort"][0][0])
+    strong = np.isfinite(limit) & (limit > largest)
     if turns.any() and np.isfinite(limit[turns]).all():
         known = max(SPARE_TORQUE * float(held[turns].max()), PLAUSIBLE_TORQUE)
         most = known if held.any() else PLAUSIBLE_UNKNOWN

@@ -33,6 +33,7 @@ from sidegan.robot.visuals import visual_parts
 from sidegan.robot.write_mjcf import mujoco_logged
 from sidegan.validity.pairs import describe_displaced_shapes, random_configurations
 from sidegan.validity.remedies import describe_placeholder_limits, refuse_other_units
+from tests.chains import random_chain
 from tests.identification.recordings import identified
 from tests.identification.test_cases import recordings
 from tests.pipeline.test_workspace import workspace
@@ -166,6 +167,16 @@ def heights(model, q):
 def test_placeholder_limits_are_reported_with_the_setting_to_change(load, span, velocity, effort, said):
     limit = f'<limit lower="-{span}" upper="{span}" velocity="{velocity}" effort="{effort}"/>'
     assert said in describe_placeholder_limits(load(arm_of(limit=limit)))
+
+
+def test_a_sliding_joint_may_push_more_than_a_turning_one():
+    arm, _ = random_chain(4, 2)
+    slides = int(arm.prismatic.argmax())
+    assert arm.prismatic[slides] and not arm.prismatic.all()
+    for newtons, said in ((5e6, False), (2e7, True)):
+        limits = np.where(np.arange(arm.joints) == slides, newtons, 50.0)
+        words = describe_placeholder_limits(replace(arm, torque_limit=limits))
+        assert (f"effort of {arm.joint_names[slides]}" in words) == said
 
 
 def limit(lower=-2.8, upper=2.8, velocity=2.0, effort=50.0):
