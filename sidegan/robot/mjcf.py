@@ -36,8 +36,8 @@ _HIDDEN = 3  # first group of geoms that MuJoCo's viewers hide by default
 def read_mjcf(path: Path) -> Source:
     """A description from an MJCF file, with links named like bodies.
 
-    MJCF has no velocity limits; torque limits are the joints' or else the actuators'. Equality constraints
-    of two joints become mimic joints, others loops. Height fields are dropped; fixed planes are listed
+    MJCF has no velocity limits; torque limits are the joints' or else the actuators'. Linear equality
+    constraints of two joints become mimic joints, others loops. Height fields are dropped; fixed planes are listed
     separately.
     """
     spec, model, colliding, shown = compile_mjcf(path)
@@ -185,11 +185,12 @@ def _write_limits(root: ET.Element, spec: mujoco.MjSpec, model: mujoco.MjModel, 
 
 
 def _write_constraints(root: ET.Element, spec: mujoco.MjSpec, model: mujoco.MjModel, forces: Forces) -> None:
-    """Write equality constraints: of two joints as mimic joints, others as loops."""
+    """Write equality constraints: linear ones of two joints as mimic joints, others as loops."""
     joints = {element.get("name"): element for element in root.findall("joint")}
     for equality in (equality for equality in spec.equalities if equality.active):
-        if equality.type == mujoco.mjtEq.mjEQ_JOINT and equality.name2:
-            offset, factor = equality.data.tolist()[:2]  # between displacements from qpos0
+        linear = not equality.data[2:5].any()  # of a polynomial between displacements from qpos0
+        if equality.type == mujoco.mjtEq.mjEQ_JOINT and equality.name2 and linear:
+            offset, factor = equality.data.tolist()[:2]
             follower, leader = (model.joint(name).qpos0.item() for name in (equality.name1, equality.name2))
             mimic = ET.SubElement(joints[equality.name1], "mimic", joint=equality.name2)
             mimic.set("multiplier", repr(factor))

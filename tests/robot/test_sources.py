@@ -206,6 +206,7 @@ WELD, CONNECT = (
     "<equality><weld body1='{}'/></equality>",
     "<equality><connect body1='{}' body2='{}' {}/></equality>",
 )
+CURVED = "<equality><joint joint1='{}' joint2='{}' polycoef='0 1 .5 0 0'/></equality>"
 STRETCHED = "<equality><tendon tendon1='{}'/></equality>"
 ANCHOR, OFF = "anchor='0 0 .4'", "anchor='0 0 .4' active='false'"
 TIED = [  # an MJCF, what is said of it, and the setup with which it loads
@@ -223,6 +224,8 @@ TIED = [  # an MJCF, what is said of it, and the setup with which it loads
         None,
     ),
     (driven("", CONNECT.format("bar", "c", OFF), BAR), "", "all"),
+    (driven("", CURVED.format("jc", "jb")), "equality_0 (c, b) ties jc", None),
+    (driven("", CURVED.format("j_thumb", "j_finger")), "", "all"),
 ]
 WAYS = {"effort": {"ja": 9.0, "jb": 9.0, "jc": 9.0}, "locked": {"j_bar": 0.0}}
 
