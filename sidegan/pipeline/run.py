@@ -1,10 +1,10 @@
-"""Run the stages of an experiment in order, tracked as one run, and record how it ends."""
+"""Run the stages of an experiment, tracked as one run, and record how it ends."""
 
 import errno
 import logging
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from functools import partial
 from graphlib import TopologicalSorter
@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 from omegaconf import DictConfig
 
 from sidegan.base.names import plain
-from sidegan.base.parallel import Job, on_cluster, run_jobs
+from sidegan.base.parallel import on_cluster, run_jobs
 from sidegan.base.progress import duration
 from sidegan.base.settings_text import command_messages
 from sidegan.base.storage import read_json, write_json
 from sidegan.errors import ConfigError, SideganError, StorageError
 from sidegan.pipeline.artifact import Artifact
-from sidegan.pipeline.stages import STAGES, Stage
+from sidegan.pipeline.stages import STAGES
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.sweep import PARENT, STATUS
 from sidegan.pipeline.tracking import Tracker
@@ -40,9 +40,9 @@ _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, 
 
 
 def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequence[str] = ()) -> None:
-    """Run the configured stages in order, tracked as one run of this name.
+    """Run the configured stages, tracked as one run of this name.
 
-    Logs and tables go into the run's folder; other conditions are composed from the command's overrides. A
+    Stages up to one that shows results are made together, which keeps all cores busy. Logs and tables go into the run's folder; other conditions are composed from the command's overrides. A
     ConfigError refuses impossible settings before any work.
     """
     from sidegan.pipeline.context import RunContext
@@ -63,18 +63,24 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
         tracker.log_params(config.plain())
         if config.has("robot"):
             run.log_decisions()
-        for title, part in stages.items():
-            _log.info("%s …", title)
+        names = list[str]()
+        for name, part in stages.items():
+            names.append(name)
+            if part.show is None and name != config.stages[-1]:
+                continue
+            together = ", ".join(names)
+            _log.info("%s …", together)
             began = time.monotonic()
-            run_stage(title, part, run, tracker)
-            seconds = time.monotonic() - began
-            _log.info("%s: done in %s", title, duration(seconds))
-            tracker.log_metrics({f"stage seconds/{title}": seconds})
+            make_all([x for each in names for x in stages[each].artifacts(run)], run, tracker)
+            if part.show is not None:
+                part.show(run, tracker)
+            _log.info("%s: done in %s", together, duration(time.monotonic() - began))
+            names = []
 
 
-def run_stage(name: str, stage: Stage, run: "RunContext", tracker: Tracker) -> None:
-    """Make the stage's missing artifacts, and record all of them."""
-    artifacts = {artifact.digest: artifact for artifact in stage.artifacts(run)}
+def make_all(wanted: Iterable[Artifact], run: "RunContext", tracker: Tracker) -> None:
+    """Make missing artifacts, each after its inputs, and record all of them."""
+    artifacts = {artifact.digest: artifact for artifact in wanted}
     missing = {digest for digest, artifact in artifacts.items() if run.store.find(artifact) is None}
     if missing and run.planning:
         _ = run.cell.constraints  # raises, before anything is written, if the arm cannot rest at home
@@ -84,25 +90,24 @@ def run_stage(name: str, stage: Stage, run: "RunContext", tracker: Tracker) -> N
         order.add(digest, *(parents & artifacts.keys()))
     order.prepare()
     while ready := order.get_ready():
-        jobs: list[Job] = []  # a process each; those that are parallel themselves are made one by one
-        for digest in ready:
-            if artifacts[digest].alone or digest not in missing:
+        beside = [digest for digest in ready if digest in missing and not artifacts[digest].alone]
+        for digest in ready:  # those that are parallel themselves one by one, all others in a process each
+            if digest not in beside:
                 run.store.produce(artifacts[digest])
-            else:
-                jobs.append(partial(run.store.produce, artifacts[digest]))
-        if jobs:
-            run_jobs(f"{name} (%)", jobs, run.cfg.parallel.workers)
+        if beside:
+            makers = dict.fromkeys(artifacts[digest].maker for digest in beside)
+            jobs = [partial(run.store.produce, artifacts[digest]) for digest in beside]
+            run_jobs(f"{', '.join(makers)} (%)", jobs, run.cfg.parallel.workers)
         order.done(*ready)
-    for digest, artifact in artifacts.items():
-        if digest not in tracker.recorded:  # stages may share artifacts
-            tracker.recorded.add(digest)
-            _record(artifact, run, tracker)
+        for digest in ready:
+            if digest not in tracker.recorded:  # parts of an experiment may share artifacts
+                tracker.recorded.add(digest)
+                _record(artifacts[digest], run, tracker)
     if artifacts:  # their folders below the outputs, by title
         path = run.store.run_folder / ARTIFACTS
         known = read_json(path) if path.exists() else {}
         found = {artifact.title: artifact.folder.as_posix() for artifact in artifacts.values()}
         write_json(path, known | found)
-    stage.show(run, tracker)
 
 
 def _record(artifact: Artifact, run: "RunContext", tracker: Tracker) -> None:

@@ -16,8 +16,7 @@ from sidegan.base.threads import on_threads, threads
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline import store as stores
 from sidegan.pipeline.artifact import Artifact
-from sidegan.pipeline.run import run_stage
-from sidegan.pipeline.stages import Stage
+from sidegan.pipeline.run import make_all
 from sidegan.pipeline.store import Store
 
 PATIENCE = 120  # [s] with processes that others keep from their work
@@ -202,7 +201,7 @@ def test_costs_are_stored_beside_the_artifact(store):
 
 def run(store, *artifacts, tracker):
     context = SimpleNamespace(store=store, planning=False, cfg=None)
-    run_stage("numbers", Stage(lambda _: artifacts), context, tracker)
+    make_all(artifacts, context, tracker)
 
 
 def test_artifacts_of_two_stages_are_recorded_once_costs_separately(store, monkeypatch):

@@ -19,8 +19,8 @@ class Stage:
 
     # that are made together, in the order of recording
     artifacts: "Callable[[RunContext], Iterable[Artifact]]" = lambda run: ()
-    # prints results, and writes them to the run's folder
-    show: "Callable[[RunContext, Tracker], None]" = lambda run, tracker: None
+    # prints results, and writes them to the run's folder; None: there are none to show
+    show: "Callable[[RunContext, Tracker], None] | None" = None
     check: "Callable[[RunContext], object]" = lambda run: None  # may refuse a run before its first stage
 
 
