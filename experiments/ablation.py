@@ -1,4 +1,4 @@
-"""What each part of the recipe does: variants with and without it, beside controls; the front of fitness."""
+"""Variants under changes of their settings, beside controls: parts of the recipe, seeds, the front of fitness."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +20,6 @@ from sidegan.report.document import write_page
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
-NAME = "ablation"  # of the page and its template
 RECIPE, FRONT = "the recipe", "fitness "  # rows of the front: the recipe's own weight, and others
 _CAPTION = (
     "Mean ± standard deviation over trainings, of which there are n. Valid share and cond(YᵀY) are of all "
@@ -58,35 +57,34 @@ def present(rows: Mapping[str, Artifacts], folder: Path, tracker: Tracker) -> No
     """Print, write and record the table, and the page with the front."""
     first = next(iter(rows.values())).cfg
     found = numbers(rows)
-    shown = {NAME: (table(found), _CAPTION)}
+    name = first.experiment  # also of the page and its template
+    shown = {name: (table(found), _CAPTION)}
     means = found.groupby(["row", "name"], sort=False)[list(_SHOWN)].mean()
     leave(folder, tracker, shown, means.set_axis([" ".join(key) for key in means.index]))
-    target = Path(first.publish or folder) / f"{NAME}.md"
+    target = Path(first.publish or folder) / f"{name}.md"
     figures = {"front": front(found)} if found["row"].str.startswith(FRONT).any() else {}
     context = {"cfg": first, "caption": _CAPTION, "rows": first.rows}
-    template = FOLDER / "templates" / f"{NAME}.md.j2"
-    write_page(template, target, {NAME: shown[NAME][0]}, figures, **context)
+    template = FOLDER / "templates" / f"{name}.md.j2"
+    write_page(template, target, {name: shown[name][0]}, figures, **context)
     tracker.log_artifact(target, "report")
 
 
 def numbers(rows: Mapping[str, Artifacts]) -> pd.DataFrame:
-    """Every training of every row, after the controls; what is fitness or size is over the seeds'."""
+    """Every training of every row, after the first one's controls; fitness and size are over the row's seeds'."""
     frames = list[pd.DataFrame]()
     for row, made in rows.items():
         every = made.generators.assign(valid=tables.valid_share(made.generators), row=row)
+        of_seeds = every[every.name == SEEDS].iloc[0]
+        every = every.astype({key: float for key in _SHOWN if key in every})
+        for key in (key for key in _OVER if key in every):
+            every[key] /= of_seeds[key.removesuffix("_valid")]
         if not frames:
             frames.append(every[~every.name.isin(made.cfg.gan)].assign(row="controls", cpu=np.nan))
         part = every[every.name.isin(made.cfg.gan)]
         each = zip(part.name, part.training.astype(int))
         cost = [made.costs(generator(made.run, *one))["cpu_seconds"] for one in each]
         frames.append(part.assign(cpu=cost))
-    found = pd.concat(frames, ignore_index=True)
-    keys = [key for key in _SHOWN if key in found]
-    found[keys] = found[keys].astype(float)
-    of_seeds = found[found.name == SEEDS].iloc[0]
-    for key in (key for key in _OVER if key in found):
-        found[key] /= of_seeds[key.removesuffix("_valid")]
-    return found.reindex(columns=["row", "name", "training", *_SHOWN])
+    return pd.concat(frames, ignore_index=True).reindex(columns=["row", "name", "training", *_SHOWN])
 
 
 def table(found: pd.DataFrame) -> pd.DataFrame:
