@@ -1,4 +1,4 @@
-"""Variants under changes of their settings, beside controls: parts of the recipe, seeds, the front of fitness."""
+"""Variants under changes of settings, beside controls: parts of the recipe, seeds, the front of fitness."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -70,7 +70,7 @@ def present(rows: Mapping[str, Artifacts], folder: Path, tracker: Tracker) -> No
 
 
 def numbers(rows: Mapping[str, Artifacts]) -> pd.DataFrame:
-    """Every training of every row, after the first one's controls; fitness and size are over the row's seeds'."""
+    """Every training of every row, after the first one's controls; fitness and size are over its seeds'."""
     frames = list[pd.DataFrame]()
     for row, made in rows.items():
         every = made.generators.assign(valid=tables.valid_share(made.generators), row=row)

@@ -85,7 +85,7 @@ def table1(
     """Table I with our rows and the paper's; the spread is over trainings and noise draws or plants.
 
     Expected errors come first if available, then those under constant noise, from noise draws, and on plants;
-    some as geometric means, too, and these before the others, since a single joint can have most of the error.
+    some also as geometric means, which come before the others: a single joint can have most of the error.
     """
     rows, parts = {}, dict[str, pd.DataFrame]()
     if len(expected):

@@ -34,8 +34,8 @@ _GENERATORS = (
 )
 BESIDE = "The same sets, compared in equal numbers with one half of the seeds (row seeds: the other half)"
 SEARCHED = (
-    "Search or generator: CPU time of a searched trajectory, and from how many trajectories on a generator has "
-    "cost less, with its seeds, surrogates and training, which are paid once"
+    "Search or generator: CPU time of a searched trajectory, and from how many trajectories on a generator "
+    "has cost less, with its seeds, surrogates and training, which are paid once"
 )
 _MEANS = ("valid", *tables.WORTH, *tables.LIKENESS)
 _LEAST = 1e-30  # lower bound of diag(YᵀY), which is zero for a column without excitation

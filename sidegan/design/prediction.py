@@ -92,7 +92,7 @@ class Prediction:
 
     @property
     def goal(self) -> Goal:
-        """Goal of a search for one trajectory: its error, summed over joints, with noise of ``deviation`` alone."""
+        """Goal of a search: the error of one trajectory, summed over joints, with constant noise alone."""
         values, vectors = np.linalg.eigh(self.wanted.sum(0))
         kept = values > _ROUNDING * len(values) * np.finfo(float).eps * values[-1]
         return Goal(

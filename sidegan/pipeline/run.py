@@ -42,8 +42,9 @@ _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, 
 def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequence[str] = ()) -> None:
     """Run the configured stages, tracked as one run of this name.
 
-    Stages up to one that shows results are made together, which keeps all cores busy. Logs and tables go into the run's folder; other conditions are composed from the command's overrides. A
-    ConfigError refuses impossible settings before any work.
+    Stages up to one that shows results are made together, which keeps all cores busy. Logs and tables go into
+    the run's folder; other conditions are composed from the command's overrides. A ConfigError refuses
+    impossible settings before any work.
     """
     from sidegan.pipeline.context import RunContext
     from sidegan.pipeline.stages import stage

@@ -37,8 +37,8 @@ def read_mjcf(path: Path) -> Source:
     """A description from an MJCF file, with links named like bodies.
 
     MJCF has no velocity limits; torque limits are the joints' or else the actuators'. Linear equality
-    constraints of two joints become mimic joints, others loops. Height fields are dropped; fixed planes are listed
-    separately.
+    constraints of two joints become mimic joints, others loops. Height fields are dropped; fixed planes are
+    listed separately.
     """
     spec, model, colliding, shown = compile_mjcf(path)
     forces = Forces(spec, model)

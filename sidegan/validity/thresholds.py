@@ -10,7 +10,7 @@ SPARE_TORQUE = 20.0  # largest plausible ratio of the weakest joint's limit to t
 PLAUSIBLE_TORQUE = 100.0  # [N·m] always plausible for the weakest joint
 PLAUSIBLE_UNKNOWN = 1000.0  # [N·m] the same without masses
 
-LEG_JOINTS = 3  # an arm of no more may be a leg, as fast at its tip as arms only are by the motors' velocities
+LEG_JOINTS = 3  # an arm of no more may be a leg, whose tip is as fast as an arm's with the motors' velocities
 
 # Share of the limits to use by default: leaves room for feed-forward errors of a quarter.
 CAREFUL_EFFORT = 0.8

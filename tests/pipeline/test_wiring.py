@@ -94,7 +94,7 @@ def test_natural_draws_reach_as_far_as_99_percent_are_valid(context, build):
 def test_longer_searches_are_better_and_keep_to_the_seeds_box(context, build, monkeypatch):
     monkeypatch.setattr(baselines, "_SEARCHED", 12)
     made = context()
-    assert not any(name.startswith(baselines.BOXED) for name in searched_sets(made))  # these seeds have no box
+    assert not any(name.startswith(baselines.BOXED) for name in searched_sets(made))  # seeds without a box
     made = made.with_settings(seeds=seeds_recipe("paper", box=0.2))
     noise, found = TorqueNoise.constant(made.cell.body, made.cfg.identification.constant), {}
     for name, artifact in searched_sets(made).items():

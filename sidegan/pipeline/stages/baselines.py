@@ -105,13 +105,13 @@ def searched_sets(run: RunContext) -> dict[str, Artifact]:
     the box of the seeds, if they have one.
     """
     made = {}
-    for kind in (SEARCH, BOXED)[: 1 if run.cfg.seeds.box is None else 2]:
+    for kind in (SEARCH,) if run.cfg.seeds.box is None else (SEARCH, BOXED):
         for evaluations in _EVALUATIONS:
             name, chosen = f"{kind}{evaluations}", SearchSettings(evaluations=evaluations)
             settings = {"count": _SEARCHED, **asdict(chosen)}
             if kind == BOXED:
-                study = run.cfg.identification
-                settings |= {key: getattr(study, key) for key in ("rate", "prior", "constant", "tests", "reach")}
+                goal = ("rate", "prior", "constant", "tests", "reach")
+                settings |= {key: getattr(run.cfg.identification, key) for key in goal}
                 settings |= {"box": run.cfg.seeds.box}
             make = partial(_make_searched, name=name, settings=chosen)
             made[name] = run.artifact("baseline", name, make, settings, title=name)
