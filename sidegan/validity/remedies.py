@@ -194,7 +194,7 @@ def _held(arm: Arm) -> Array:
 
 
 def _strong(arm: Arm, largest: Array) -> Array:
-    """Joints with implausible torque limits, (J,) bool: above the largest, or all far above what holds them."""
+    """Joints with implausible torque limits, (J,) bool: above the largest, or all far beyond use."""
     limit, turns = arm.torque_limit, ~arm.prismatic
     held = _held(arm).max(0)
     strong = np.isfinite(limit) & (limit > largest)
