@@ -8,9 +8,12 @@ import pyarrow as pa
 
 from sidegan.base.names import plain
 
-_PAPERS_ORDER = ("random", "natural", "gradient", "seeds", "vanilla", "eigen", "diagonal", "prediction")
+_SEARCHES = ("search", "boxed")  # followed by a hyphen and the number of evaluations
+_PAPERS_ORDER = (
+    *("random", "natural", *_SEARCHES, "gradient"),
+    *("seeds", "vanilla", "eigen", "diagonal", "prediction"),
+)
 _TITLES = {"random": "random valid", "gradient": "short, by gradients"}
-_SEARCHES = ("search-", "boxed-")  # and the number of evaluations
 _REMEASURED = "seeds ×"  # and the number of measurements
 _SETS = {
     "duration": ("duration [s]", "g"),
@@ -70,8 +73,9 @@ def sort_sets(sets: Iterable[str]) -> list[str]:
     def place(name: str) -> tuple[int, int, str]:
         if name.startswith("long-"):
             return -1, int(name.removeprefix("long-")), name
-        if name.startswith(_SEARCHES):
-            return _PAPERS_ORDER.index("natural"), int(name.partition("-")[2]), name
+        kind, _, evaluations = name.partition("-")
+        if kind in _SEARCHES:
+            return _PAPERS_ORDER.index(kind), int(evaluations), name
         if name.startswith(_REMEASURED):
             return _PAPERS_ORDER.index("seeds"), int(name.removeprefix(_REMEASURED)), name
         return _PAPERS_ORDER.index(name) if name in _PAPERS_ORDER else len(_PAPERS_ORDER), 0, name
