@@ -97,6 +97,7 @@ def _context(conditions: Conditions, judged: list[claims.Claim], target: Path) -
         "described": {name: described(made) for name, made in conditions.items()},
         "checked": checked,
         "readings": exp2.READINGS,
+        "searched": training.SEARCHED,
         "plants": {name: exp1.on_plants(made.plant, made.cfg.gan) for name, made in conditions.items()},
         "verdicts": {name: _verdicts(judged, name) for name in conditions},
     }
