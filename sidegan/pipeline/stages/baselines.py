@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import partial
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -69,6 +70,12 @@ def prediction(run: RunContext, noise: TorqueNoise, family: Trajectory | None = 
     return Prediction.at_rate(body, family or short, wanted, noise, settings.rate, settings.prior)
 
 
+def predicted(run: RunContext) -> dict[str, Any]:
+    """Settings that expected errors under constant noise depend on."""
+    study = run.cfg.identification
+    return {key: getattr(study, key) for key in ("rate", "prior", "constant", "tests", "reach")}
+
+
 def _save(run: RunContext, build: Build, c: Array, name: str, **facts: float) -> None:
     library = library_of(run.cell.constraints, run.cell.trajectory, c, name)
     library.save(build.folder / LIBRARY)
@@ -110,9 +117,7 @@ def searched_sets(run: RunContext) -> dict[str, Artifact]:
             name, chosen = f"{kind}{evaluations}", SearchSettings(evaluations=evaluations)
             settings = {"count": _SEARCHED, **asdict(chosen)}
             if kind == BOXED:
-                goal = ("rate", "prior", "constant", "tests", "reach")
-                settings |= {key: getattr(run.cfg.identification, key) for key in goal}
-                settings |= {"box": run.cfg.seeds.box}
+                settings |= {**predicted(run), "box": run.cfg.seeds.box}
             make = partial(_make_searched, name=name, settings=chosen)
             made[name] = run.artifact("baseline", name, make, settings, title=name)
     return made

@@ -19,7 +19,7 @@ from sidegan.library.measure import likeness
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RESULTS, RunContext
 from sidegan.pipeline.stages import Stage, stage
-from sidegan.pipeline.stages.baselines import baselines, prediction
+from sidegan.pipeline.stages.baselines import baselines, predicted, prediction
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
 from sidegan.report.tables import arrow
@@ -37,8 +37,7 @@ def measures(run: RunContext, pool: Pool) -> Artifact:
     """Expected errors of random draws from a pool, and its similarity to the seeds."""
     study = run.cfg.identification
     level = study.noise.level if study.noise.torque else 0.0  # relative noise of measured torques
-    settings = {key: getattr(study, key) for key in ("rate", "prior", "constant", "tests", "reach")}
-    settings |= {"level": level, "together": together(run)}
+    settings = {**predicted(run), "level": level, "together": together(run)}
     inputs = {"seeds": seed_set(run), **({} if pool.name == SEEDS else pool.inputs)}
     make = partial(_make, pool=pool, level=level)
     return run.artifact("measures", pool.name, make, settings, inputs, training=pool.training)
