@@ -8,6 +8,7 @@ import hypothesis
 import pytest
 from threadpoolctl import threadpool_limits
 
+from sidegan.base.settings_text import command_messages
 from sidegan.robot import Arm, load_robot
 
 from .refusals import said
@@ -62,6 +63,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return next((k for k, part in enumerate(LONGEST) if f"tests/{part}" in path), len(LONGEST))
 
     items.sort(key=place)
+
+
+@pytest.fixture
+def of_the_command() -> Iterator[None]:
+    """Messages are those of the command, not of Python."""
+    with command_messages():
+        yield
 
 
 @pytest.fixture(scope="session")

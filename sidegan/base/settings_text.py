@@ -50,6 +50,13 @@ def suggestion(name: str, value: object, digits: str = "") -> str:
     return f"{argument}={_text(value, digits, python=True)}"
 
 
+def suggest_fields(group: str, fields: Mapping[str, object]) -> str:
+    """Several settings of a group for a message: arguments of the command, or one mapping in Python."""
+    if _of_a_command.get():
+        return " ".join(setting(f"{group}.{name}", value) for name, value in fields.items())
+    return suggestion(group, fields)
+
+
 def setting_name(name: str) -> str:
     """The name that a setting of the command has for the reader of a message, such as home or robot.mount."""
     if _of_a_command.get():

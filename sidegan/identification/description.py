@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.settings_text import setting_name
 from sidegan.identification import thresholds
 from sidegan.identification.estimate import nmse_text, score
 from sidegan.identification.fit import best_combination, least_residual
@@ -59,8 +60,8 @@ def odd_scale(misfit: Misfit) -> list[Finding]:
     j = int(np.where(odd, off, 0.0).argmax())
     text = (
         f"the torque of {misfit.arm.joint_names[j]} is {scale[j]:.2f} times what the other joints' "
-        "torques and the description imply: wrong gain or unit? (robot.gains, or divide the column by this "
-        "factor)"
+        f"torques and the description imply: wrong gain or unit? ({setting_name('robot.gains')}, or divide "
+        "the column by this factor)"
     )
     return [Finding(USABLE, text)]
 
@@ -109,8 +110,11 @@ def _other_scale(misfit: Misfit) -> list[Finding]:
     nominal = misfit.model.nominal
     if (scale := _alone(misfit, 0 * nominal, nominal[:, None])) is None:
         return []
-    text = f"all torques are {scale[0][0]:.2f} times the description's: drive constants or masses?"
-    return [Finding(USABLE, f"{text} (robot.gains, or the description's masses)", leads=True)]
+    text = (
+        f"all torques are {scale[0][0]:.2f} times the description's: drive constants or masses? "
+        f"({setting_name('robot.gains')}, or the description's masses)"
+    )
+    return [Finding(USABLE, text, leads=True)]
 
 
 def _other_links(misfit: Misfit) -> list[Finding]:
@@ -154,7 +158,7 @@ def implausible_mass(found: float, described: float) -> list[Finding]:
     most = thresholds.IMPLAUSIBLE_MASS
     if not described > 0 or described / most <= found <= described * most:
         return []
-    units = "recording.units.torque or recording.units.current, robot.gains"
+    units = f"recording.units.torque or recording.units.current, {setting_name('robot.gains')}"
     text = f"the links weigh {found:.3g} kg, {described:.3g} kg in the description"
     return [Finding(USABLE, f"{text}: are the torques in another unit? ({units})")]
 

@@ -13,6 +13,7 @@ import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array, geometric_mean
 from sidegan.base.names import listed, plain
+from sidegan.base.settings_text import suggestion
 from sidegan.design.objective import Goal
 from sidegan.errors import ConfigError
 from sidegan.identification.model import POWERS, Terms, TorqueModel, typical
@@ -40,7 +41,7 @@ class Parameters:
         if links is not None and (not links or not set(links) <= set(places)):
             raise ConfigError(
                 f"goal.objective names {', '.join(links) or 'no link'}, expected some of the links that "
-                f"move, {', '.join(dict.fromkeys(places))}, or goal.objective=parameters"
+                f"move, {', '.join(dict.fromkeys(places))}, or {suggestion('goal.objective', 'parameters')}"
             )
         selected = [links is None or place in links for place in places]
         self._links = links
@@ -204,7 +205,7 @@ def usual_torque(body: RigidBody) -> Array:
         why = f" ({listed(body.arm.massless, 1)})" if body.arm.massless else ""
         raise ConfigError(
             f"no moving link of {body.arm.name} has a mass{why}, so its usual torques are unknown: "
-            "use goal.objective=condition, or the URDF that +experiment=identify writes"
+            f"use {suggestion('goal.objective', 'condition')}, or the URDF that an identification writes"
         )
     return torque_scale(body, _FLOOR)
 

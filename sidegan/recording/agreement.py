@@ -9,6 +9,7 @@ import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
+from sidegan.base.settings_text import setting_name, suggest_fields, suggestion
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import thresholds
 from sidegan.recording.coordinates import Map, positions_behind
@@ -82,11 +83,10 @@ class Agreement(NamedTuple):
             return None
         for name, whole in _RATED.items():
             if (np.abs(np.log(self.load.scale[known] * limits / whole)) < thresholds.SCALE_OF_LIMITS).all():
-                gains = ",".join(f"{x:.4g}" for x in arm.torque_limit / whole)
+                gains = suggestion("robot.gains", (arm.torque_limit / whole).tolist(), ".4g")
                 return (
-                    f"the torques look like {name} of each joint's limit; to read them as such: "
-                    f"'robot.gains=[{gains}]' with recording.effort=current for columns of efforts, or "
-                    "recording.torque=null 'recording.current=\"tau{index}\"' for columns like tau1"
+                    f"the torques look like {name} of each joint's limit; to read them as such: {gains} "
+                    f"with {to_currents()}"
                 )
         return None
 
@@ -106,7 +106,7 @@ class Agreement(NamedTuple):
             shares = listed([f"{scale:.2g} ({name})" for name, scale, marked in joints if marked], arm.joints)
             found.append(
                 f"measured torques are {shares} times those expected from the description: wrong unit, wrong "
-                "gain or wrong masses? (recording.units, robot.gains)"
+                f"gain or wrong masses? (recording.units, {setting_name('robot.gains')})"
             )
         reversed_ = self.sign < -thresholds.CLEARLY_CORRELATED  # these are the arm's torques, too
         fitting = (self.sign > thresholds.CORRELATED) | reversed_
@@ -127,11 +127,11 @@ class Agreement(NamedTuple):
             )
         found = straightened(in_base(arm, self.load.gravity))
         described = straightened(in_base(arm, arm.gravity))
-        mount = ",".join(f"{round(x, 3) + 0.0:.4g}" for x in mount_of(None, found.tolist()))
+        mount = [round(x, 3) + 0.0 for x in mount_of(None, found.tolist())]
         return (
             f"in these torques gravity acts along {describe_direction(found)} of the base, by the "
             f"description along {describe_direction(described)}: is the arm mounted like that? "
-            f"('robot.mount=[{mount}]')"
+            f"({suggestion('robot.mount', mount, '.4g')})"
         )
 
     @property
@@ -163,11 +163,11 @@ class Agreement(NamedTuple):
     def exchanged(self, arm: Arm) -> str | None:
         """Warning about joints whose torques or motions look swapped or reversed; None if there are none."""
         if self.columns:
-            order = ",".join(str(k + 1) for k in self.columns)
+            order = {"joints": [k + 1 for k in self.columns], "position": "q{joint}", "torque": "tau{joint}"}
             return (
                 "the columns look like those of another joint order, in which they explain the torques far "
-                f"better: 'recording.joints=[{order}]' 'recording.position=\"q{{joint}}\"' "
-                "'recording.torque=\"tau{joint}\"' for columns like q1 and tau1, and so on for other signals"
+                f"better: {suggest_fields('recording', order)} for columns like q1 and tau1, and so on for "
+                "other signals"
             )
         moved = [j for j, k in enumerate(self.order.tolist()) if j != k]
         if self.positions:
@@ -192,7 +192,14 @@ class Agreement(NamedTuple):
 
 def to_reverse(names: str) -> str:
     """The setting that reverses the torques of joints, as ``Arm.named`` lists them, in parentheses."""
-    return f"(recording.reverse=[{names.replace(', ', ',')}])"
+    return f"({suggestion('recording.reverse', names.split(', '))})"
+
+
+def to_currents() -> str:
+    """Settings that read torques as currents."""
+    efforts = suggestion("recording.effort", "current")
+    columns = suggest_fields("recording", {"torque": None, "current": "tau{index}"})
+    return f"{efforts} for columns of efforts, {columns} for columns like tau1"
 
 
 def agreement_of(body: RigidBody, segments: list[Segment], settings: RecordingSettings) -> Agreement:

@@ -5,10 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from sidegan.base.settings_text import setting_name
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility, refusals
-from sidegan.recording.agreement import agreement_of
+from sidegan.recording.agreement import agreement_of, to_currents
 from sidegan.recording.checked import CheckedRecording
 from sidegan.recording.commanded import average_repetitions, load_commanded
 from sidegan.recording.delay import Delay, estimate_delay
@@ -19,11 +20,6 @@ from sidegan.recording.segments import grid_for, preprocess, torque_of
 from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.statistics import statistics_of
 from sidegan.robot import Arm
-
-_UNUSED_GAINS = (
-    "robot.gains is not used, since torques were recorded; if they are currents: recording.effort=current "
-    "for columns of efforts, recording.torque=null 'recording.current=\"tau{index}\"' for columns like tau1"
-)
 
 
 def check_recording(
@@ -90,7 +86,10 @@ def check_recording(
         *twice,
     ]
     if gains is not None and recording.load == "torque":
-        warnings.append(_UNUSED_GAINS)
+        name = setting_name("robot.gains")
+        warnings.append(
+            f"{name} is not used, since torques were recorded; if they are currents: {to_currents()}"
+        )
     late = None
     if left.noticed and not corrected:
         warnings.append(left.statement(corrected))

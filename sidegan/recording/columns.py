@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from sidegan.base.names import counted, listed
+from sidegan.base.settings_text import suggestion
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
 from sidegan.recording.column_names import (
@@ -20,7 +21,6 @@ from sidegan.recording.column_names import (
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
 from sidegan.recording.stamps import date_columns
 from sidegan.recording.tables import SignalColumns, Table
-from sidegan.robot import setting
 
 _SHOWN = 3  # patterns that a message suggests
 _JOINT = re.compile(r"\s*((joint|axis|motor)([ _]?(name|id|index|number))?|name|id)\s*", re.IGNORECASE)
@@ -131,8 +131,8 @@ class Finder:
             wanted = "like 't' or 'time'" if AUTO in names else " or ".join(map(repr, names))
             raise RecordingError(
                 f"{self.file} has no column {wanted} of time stamps; it has {self._has()}; name the column, "
-                "recording.time=NAME, or, without time stamps, state the sampling rate [Hz]: "
-                "recording.rate=1000"
+                f"{suggestion('recording.time', 'NAME')}, or, without time stamps, state the sampling rate "
+                f"[Hz]: {suggestion('recording.rate', 1000)}"
             )
         if len(stamps) > 1 and not is_split(stamps):
             self._refuse_several("time", stamps)
@@ -277,13 +277,13 @@ class Finder:
             offers = self._offers(signal)
             return offers if offers or partial or self.only else self._another_file("effort")
         if signal in ("torque", "current"):
-            return f"; joints that do not move can be left out: {setting('recording.without', joints)}"
-        return f"; to derive it instead: recording.{signal}=null"
+            return f"; joints that do not move can be left out: {suggestion('recording.without', joints)}"
+        return f"; to derive it instead: {suggestion(f'recording.{signal}', None)}"
 
     def _another_file(self, has: str) -> str:
         """The end of a message: how to give this file for the signal it has, and others for the rest."""
         files = {"position": "FILE", "effort": "FILE"} | {has: self.file}
-        return f"; is it in another file? {setting('recordings', [files])}"
+        return f"; is it in another file? {suggestion('recordings', [files])}"
 
     def _offers(self, signal: str) -> str:
         """The end of a message: settings that would read the signal from other columns of the file."""
@@ -293,8 +293,9 @@ class Finder:
         patterns += self._arrays(None)
         if patterns:
             return f"; would one of these fit? {', '.join(_typed(signal, p) for p in patterns[:_SHOWN])}"
-        names = own_names(self.available, signal, self.count)
-        return f"; are its joints, in the arm's order, {setting('recording.joints', names)}?" if names else ""
+        if names := own_names(self.available, signal, self.count):
+            return f"; are its joints, in the arm's order, {suggestion('recording.joints', names)}?"
+        return ""
 
     def _refuse_several(self, signal: str, ways: Sequence[str]) -> NoReturn:
         """Raise because a signal occurs in several, equally plausible ways."""
@@ -308,5 +309,5 @@ class Finder:
 
 
 def _typed(signal: str, pattern: str) -> str:
-    """The pattern of a signal as an argument of the command."""
-    return setting(f"recording.{signal}", pattern)
+    """The pattern of a signal as a setting."""
+    return suggestion(f"recording.{signal}", pattern)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import pandas as pd
 import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
+from sidegan.base.settings_text import suggestion
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
@@ -59,7 +59,7 @@ def commanded_files(path: Path) -> list[Path]:
     """Tables of the commanded trajectories: one file, or those of a folder, a run, or the only run in it."""
     runs = sorted(path.glob(f"*/{FOLDER}"))
     if len(runs) > 1:
-        listed = "\n".join(f"  recording.sent={quote(str(run.parent))}" for run in runs)
+        listed = "\n".join(f"  {suggestion('recording.sent', str(run.parent))}" for run in runs)
         raise RecordingError(
             f"{path} has {len(runs)} runs of excite, expected the one that was sent:\n{listed}"
         )

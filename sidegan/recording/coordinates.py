@@ -9,6 +9,7 @@ import numpy as np
 import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
+from sidegan.base.settings_text import suggestion
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import thresholds
 from sidegan.recording.misfit import halves_of, misfit, subset
@@ -50,7 +51,7 @@ def _units(arm: Arm, units: Units) -> Iterator[Map]:
         setting = units.setting(factor, zero, arm.prismatic)
         yield Map(np.diag(factor), zero, f"are the positions in {name}? they fit far better ({setting})")
     degrees = np.where(arm.prismatic, 1.0, math.pi / 180)
-    yield Map(np.diag(degrees), none, "are these degrees? (recording.units.angle=deg)")
+    yield Map(np.diag(degrees), none, f"are these degrees? ({suggestion('recording.units.angle', 'deg')})")
 
 
 def couplings(names: Sequence[str]) -> Iterator[tuple[str, Array, Array]]:

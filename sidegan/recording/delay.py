@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.base.arrays import Array, flatten
+from sidegan.base.settings_text import FILL_IN, suggestion
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import thresholds
 from sidegan.recording.misfit import subset
@@ -57,13 +58,13 @@ class Delay(NamedTuple):
             return (
                 f"torques look more than {thresholds.LONGEST_DELAY:g} s {when} than the motion, the most "
                 "that is searched: left as they are; same motion, same clock? If the delay is real, set "
-                "recording.delay=… [s]"
+                f"{suggestion('recording.delay', FILL_IN)} [s]"
             )
         if math.isinf(self.deviation):
             return "the delay of the torques cannot be determined: not corrected"
         done = "corrected" if corrected else "not corrected"
         if not corrected and self.believed and abs(self.seconds) > thresholds.LEAST_DELAY:
-            done += "; recording.delay=null corrects it"
+            done += f"; {suggestion('recording.delay', None)} corrects it"
         rounded = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}"
         return f"torques are {rounded} ± {self.deviation * 1e3:.2g} ms {when} than the motion: {done}"
 

@@ -7,13 +7,14 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
+from sidegan.base.settings_text import FILL_IN, setting_name, suggest_fields, suggestion
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
 from sidegan.recording.agreement import Agreement
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import Signal, Statistics
 from sidegan.recording.units import SECONDS, Units
-from sidegan.robot import Arm, setting
+from sidegan.robot import Arm
 
 DEGREES, MILLIMETRES = 180 / math.pi, 1e3
 _THOUSANDTH = {"torque": "mNm", "current": "mA"}
@@ -24,18 +25,19 @@ def doubt_of_units(statistics: Statistics, arm: Arm, units: Units) -> str | None
     name = statistics.name
     position = statistics.signals["position"]
     if statistics.step > thresholds.LONGEST_STEP and 2 * statistics.duplicates > statistics.samples:
-        rate = statistics.samples / (statistics.duration + statistics.step)
+        rate = float(f"{statistics.samples / (statistics.duration + statistics.step):.3g}")
+        exact = suggest_fields("recording", {"time": "none", "rate": rate})
         raise RecordingError(
             f"{name}: time stamps have a resolution of {statistics.step:.3g} s, {statistics.duplicates} of "
             f"{statistics.samples} repeat the one before: log finer stamps, or, if samples are regular, "
-            f"give their exact rate instead: recording.time=none recording.rate={rate:.3g}"
+            f"give their exact rate instead: {exact}"
         )
     if statistics.step > thresholds.LONGEST_STEP:
         raw = statistics.step / SECONDS[units.time or "s"]
         likely = next((unit for unit in ("ms", "us") if raw * SECONDS[unit] <= thresholds.USUAL_STEP), "ns")
         raise RecordingError(
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
-            f"(recording.units.time={likely})"
+            f"({suggestion('recording.units.time', likely)})"
         )
     return _angles(position, arm, units) or _lengths(position, arm, units) or _counts(position, arm, units)
 
@@ -48,13 +50,17 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
     far = turning & (reach > thresholds.FAR_ANGLE * limit) & (reach > thresholds.ANY_ANGLE)
     most = np.maximum(limit, thresholds.ANY_ANGLE)[turning]
     if units.angle != "deg" and far.any() and (reach[turning] / DEGREES <= most).all():
-        motors = "'recording.units.position={per_turn: [2π times each joint's ratio]}'"
-        degrees = "are these degrees? (recording.units.angle=deg)"
-        return f"{_reaches(position, arm, far)}: {degrees} or of the motors, before their gears? ({motors})"
+        degrees = suggestion("recording.units.angle", "deg")
+        motors = suggestion("recording.units.position", {"per_turn": [FILL_IN]})
+        return (
+            f"{_reaches(position, arm, far)}: are these degrees? ({degrees}) or of the motors, before their "
+            f"gears? ({motors}, 2π times each joint's ratio)"
+        )
     span = (position.upper - position.lower)[turning]
     if units.angle == "deg" and len(span) and 0 < span.max() < thresholds.LEAST_ANGLE:
         turned = f"{span.max() * DEGREES:.3g}°"
-        return f"no joint turns more than {turned}: are these radians? (recording.units.angle=rad)"
+        radians = suggestion("recording.units.angle", "rad")
+        return f"no joint turns more than {turned}: are these radians? ({radians})"
     return None
 
 
@@ -66,13 +72,14 @@ def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
     far = sliding & (reach > thresholds.FAR_LENGTH * limit)
     as_millimetres = MILLIMETRES * limit * thresholds.FAR_ANGLE
     if units.length != "mm" and far.any() and (reach[far] <= as_millimetres[far]).all():
-        return f"{_reaches(position, arm, far)}: are these millimetres? (recording.units.length=mm)"
+        millimetres = suggestion("recording.units.length", "mm")
+        return f"{_reaches(position, arm, far)}: are these millimetres? ({millimetres})"
     span, whole = position.upper - position.lower, arm.position_upper - arm.position_lower
     used = MILLIMETRES * span > thresholds.USED_LENGTH * whole
     short = sliding & used & (MILLIMETRES * reach <= thresholds.FAR_ANGLE * limit)
     if units.length == "mm" and short.any():
         slid = f"{arm.named(short)} slides no more than {span[short].max() * MILLIMETRES:.3g} mm"
-        return f"{slid}: are these metres? (recording.units.length=m)"
+        return f"{slid}: are these metres? ({suggestion('recording.units.length', 'm')})"
     return None
 
 
@@ -89,7 +96,7 @@ def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
     return (
         f"{_reaches(position, arm, far)}, which no unit explains: are these encoder counts? If so, give the "
         "counts per turn and the reading at joint position zero, for example "
-        f"'recording.units.position={{per_turn: {per_turn}, zero: {zero}}}'"
+        f"{suggestion('recording.units.position', {'per_turn': per_turn, 'zero': zero})}"
     )
 
 
@@ -129,21 +136,21 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
         if dead.any():
             raise RecordingError(
                 f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; "
-                f"recording.{rate}=null derives it instead"
+                f"{suggestion(f'recording.{rate}', None)} derives it instead"
             )
 
 
 def without_torque(arm: Arm, lacking: Array, moving: Array) -> str:
     """How to identify an arm without the torques of some joints, of which some move, (J,) marked each."""
     joints = arm.named(lacking)
-    still = setting("recording.without", [arm.joint_names[j] for j in np.flatnonzero(lacking)])
+    still = suggestion("recording.without", [arm.joint_names[j] for j in np.flatnonzero(lacking)])
     first = int(lacking.argmax())
     if not (lacking & moving).any():
         return f"a joint that never moves can be left out: {still}"
     advice = f"record with {joints} at rest, which {still} then locks there"
     if lacking[first:].all() and first:
         link = arm.link_names[first - 1]
-        tip = setting("robot.tip", link)
+        tip = suggestion("robot.tip", link)
         advice += f"; or identify the joints before, with what {joints} moves as a part of {link}: {tip}"
     return advice
 
@@ -205,9 +212,9 @@ def refuse_overload(
     measured = statistics.load
     smaller = _THOUSANDTH[measured]
     if thresholds.BEYOND_DESCRIPTION < share[j] <= 1e3 * most and getattr(units, measured) != smaller:
-        suspicion = f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"
+        suspicion = f"is the {measured} in {smaller}? ({suggestion(f'recording.units.{measured}', smaller)})"
     elif measured == "current":
-        suspicion = "are the drive gains (robot.gains) and the joint order right?"
+        suspicion = f"are the drive gains ({setting_name('robot.gains')}) and the joint order right?"
     else:
         suspicion = "is it in N·m, and the joint order right? (a current is named by recording.current)"
     joints = zip(arm.joint_names, agreement.usual.tolist(), (share > most).tolist())

@@ -7,6 +7,7 @@ from scipy.ndimage import maximum_filter1d, shift
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
+from sidegan.base.settings_text import setting_name
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
 from sidegan.recording.grid import Grid, Stretch, continuous_stretches, derivative, low_pass, marked_ranges
@@ -137,7 +138,7 @@ def _signals(
             )
         if len(gains) != len(names):
             raise RecordingError(
-                f"robot.gains has {counted(len(gains), 'drive gain')}, the arm has "
+                f"{setting_name('robot.gains')} has {counted(len(gains), 'drive gain')}, the arm has "
                 f"{counted(len(names), 'joint')}"
             )
         factor *= gains

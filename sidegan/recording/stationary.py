@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sidegan.base.settings_text import setting_name
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
 from sidegan.recording.load import load_recording
@@ -55,8 +56,9 @@ def refuse_elsewhere(arm: Arm, recordings: Iterable[Recorded], settings: Recordi
             q, at = recording.position[:, place], (arm.setup.locked or {})[name]
             if max(abs(q - at)) > thresholds.MOVED:
                 raise RecordingError(
-                    f"{recording.name}: {name} is locked at {at:.4g} (robot.locked), but recorded from "
-                    f"{q.min():.4g} to {q.max():.4g} rad or m: lock it where it stood, or leave it unlocked"
+                    f"{recording.name}: {name} is locked at {at:.4g} ({setting_name('robot.locked')}), but "
+                    f"recorded from {q.min():.4g} to {q.max():.4g} rad or m: lock it where it stood, or "
+                    "leave it unlocked"
                 )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
+from sidegan.base.settings_text import suggestion
 from sidegan.errors import RecordingError
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
@@ -99,11 +100,11 @@ class Units:
         now = np.where(slides, _UNITS["length"][self.length or "m"], _UNITS["angle"][self.angle or "rad"])
         counts = self.position or Counts((turn / now).tolist())
         per_turn = np.asarray(counts.per_turn) / factor
-        texts = []
-        for values in (per_turn, counts.zero - zero * per_turn / turn):
-            each = [f"{x:.5g}" for x in np.broadcast_to(values, factor.shape) + 0.0]
-            texts.append(each[0] if len({*each}) == 1 else f"[{', '.join(each)}]")
-        return f"'recording.units.position={{per_turn: {texts[0]}, zero: {texts[1]}}}'"
+        fields: dict[str, float | list[float]] = {}
+        for name, values in (("per_turn", per_turn), ("zero", counts.zero - zero * per_turn / turn)):
+            each = [float(f"{x:.5g}") for x in np.broadcast_to(values, factor.shape) + 0.0]
+            fields[name] = each[0] if len({*each}) == 1 else each
+        return suggestion("recording.units.position", fields, "g")
 
     def of(self, file: str, signal: str, slides: bool, heading: str) -> tuple[str, float]:
         """Unit in the heading of a joint's signal, or of ``"time"``, and the factor to SI units.
@@ -130,7 +131,7 @@ def _refuse_other(file: str, signal: str, kind: str, heading: str, unit: str) ->
     """Refuse a heading in which another unit than the signal's stands, such as per cent."""
     examples = _EXAMPLES[kind]
     si = examples.partition(",")[0]
-    already = f"if it is in {si} already: recording.units.{kind}={si}"
+    already = f"if it is in {si} already: {suggestion(f'recording.units.{kind}', si)}"
     if _RATED.search(heading.lower()):
         raise RecordingError(
             f"{file}: {heading!r} is a share of a rated value, which is unknown: convert the column to {si} "

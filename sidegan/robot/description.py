@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sidegan.base.names import listed
+from sidegan.base.settings_text import setting_name
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import NO_INERTIA, FilePlane
@@ -105,7 +106,8 @@ def read_description(
         hang(root, tree.root, mount)
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
     if source.gravity is not None and not any(source.gravity):
-        notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed (robot.mount)")
+        turned = setting_name("robot.mount")
+        notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed ({turned})")
     shaped = {link for link, element in links.items() if element.find("collision") is not None}
     return Description(
         name=robot,

@@ -14,6 +14,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Job, Report, cpu_seconds, run_jobs
+from sidegan.base.settings_text import FILL_IN, suggestion
 from sidegan.base.storage import read_arrays, reading, write_arrays
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError, InfeasibleError
@@ -81,7 +82,8 @@ class SeedBatch:
         return InfeasibleError(
             f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; "
             f"of those that failed, {why}; what may help: a home with more room around it "
-            f"('trajectory.home=[…]'), a longer period (trajectory.period=…){helps}"
+            f"({suggestion('trajectory.home', [FILL_IN])}), a longer period "
+            f"({suggestion('trajectory.period', FILL_IN)}){helps}"
         )
 
 

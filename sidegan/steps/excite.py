@@ -10,6 +10,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.random import number
+from sidegan.base.settings_text import suggestion
 from sidegan.base.storage import read_json
 from sidegan.base.typed import changed, settings_of
 from sidegan.cell import Cell, require_cell
@@ -80,7 +81,8 @@ def aim_of(
     """The design goal of a set, before its first trajectory; a ConfigError if it does not fit the arm."""
     if goal.objective == "condition":
         if known is not None:
-            raise ConfigError("goal.objective=condition uses no model: leave out known= or choose another")
+            named = suggestion("goal.objective", "condition")
+            raise ConfigError(f"{named} uses no model: leave out known= or choose another")
         return ConditionGoal(cell.problem)
     if known is None:
         return uncertainty_of_description(cell.body, terms, goal)

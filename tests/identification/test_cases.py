@@ -131,10 +131,10 @@ FAULTS = {
     "all at 0.7": (scaled(*[0.7] * 7), USABLE, "0.70", "robot.gains"),
     "late": (late, BAD, "200 ±", "recording.delay=null"),
     "one reversed": (scaled(1, -1, *[1] * 5), BAD, "joint_2 runs", "recording.reverse=[joint_2]"),
-    "all reversed": (scaled(*[-1] * 7), BAD, "recording.reverse=[joint_1,", ",joint_7]"),
+    "all reversed": (scaled(*[-1] * 7), BAD, "recording.reverse=[joint_1, ", ", joint_7]"),
     "the last reversed": (scaled(*[1] * 6, -1), BAD, "friction of joint_7", "recording.reverse=[joint_7]"),
     "a belt": (of_belt, BAD, "'recording.torque_coupling={joint_6: {joint_5: 1, joint_6: 1}}'"),
-    "per cent": (rated, USABLE, "per cent", "robot.gains=[1.76,1.76,1,1,1,0.38,0.38]"),
+    "per cent": (rated, USABLE, "per cent", "robot.gains=[1.76, 1.76, 1, 1, 1, 0.38, 0.38]"),
     "swapped": (swapped, BAD, "joint_2 fits joint_3", "recording.torque"),
     "one at 1.1": (scaled(1, 1, 1, 1.1, 1, 1, 1), USABLE, "joint_4 is 1.1", "robot.gains"),
     "an offset": (offset, GOOD, "joint_3", "offset of 9"),
@@ -195,7 +195,7 @@ def test_reversed_torques_without_noise_have_a_verdict(planar):
     changes = {"change": of_torques(lambda made: -made.torque), "friction": (0.5, 0.3), "noise": 0.0}
     both = [checked(planar, seed, **changes) for seed in (0, 1)]
     quality = identified(planar, both[:1], both[1:], strength=1.0).quality
-    assert quality.verdict == BAD and "recording.reverse=[shoulder,elbow]" in quality.reasons[0]
+    assert quality.verdict == BAD and "recording.reverse=[shoulder, elbow]" in quality.reasons[0]
 
 
 MOTION = "position", "velocity"
@@ -307,7 +307,7 @@ def test_a_description_and_recording_in_degrees_are_asked_for():
     assert "recording.units.angle=deg" in warnings and "right arm" not in warnings
 
 
-ORDER = "'recording.joints=[2,4,5,1,7,3,6]' 'recording.pos"
+ORDER = "'recording.joints=[2, 4, 5, 1, 7, 3, 6]' 'recording.pos"
 WARNED = {
     "another joint order": (in_order([3, 0, 5, 1, 2, 6, 4], *MOTION, "torque"), BAD, ORDER),
     "swapped motions": (in_order([0, 3, 2, 1, 4, 5, 6], *MOTION), BAD, "joint_2 and joint_4"),

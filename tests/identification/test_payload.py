@@ -136,7 +136,7 @@ def test_an_uncertain_gain_is_reported(arm, heavy):
 
 
 NONE, FOURTH, ALL = [], [3], [*range(7)]
-TURN_4, TURN_ALL = "(recording.reverse=[joint_4])", "(recording.reverse=[joint_1,joint_2,"
+TURN_4, TURN_ALL = "('recording.reverse=[joint_4]')", "('recording.reverse=[joint_1, joint_2, "
 SIGNS = [  # reversed currents, those against the description, whether runs are exchanged; what is named
     (FOURTH, FOURTH, False, "gain of joint_4 is negative", TURN_4),
     (FOURTH, NONE, False, "gain of joint_4 is negative"),
@@ -144,7 +144,7 @@ SIGNS = [  # reversed currents, those against the description, whether runs are 
     (NONE, NONE, True, "joint_1, ", "recordings and loaded exchanged?"),
     (FOURTH, FOURTH, True, "joint_7 change", "recordings and loaded exchanged?", TURN_4),
     (FOURTH, NONE, True, "recordings and loaded exchanged?", TURN_4),
-    (ALL, ALL[:-1], True, "joint_6 change", "(recording.reverse=[joint_1,"),
+    (ALL, ALL[:-1], True, "joint_6 change", "('recording.reverse=[joint_1, "),
     (NONE, FOURTH, False, "joint_4 shows", "load.centre"),
 ]
 

@@ -7,7 +7,6 @@ import sys
 import pytest
 from filelock import FileLock
 
-from sidegan.base.settings_text import command_messages
 from sidegan.pipeline.artifact import Build
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.store import Store
@@ -19,10 +18,8 @@ NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there
 
 
 @pytest.fixture(autouse=True)
-def messages():
+def messages(of_the_command):
     """Messages are those of the command."""
-    with command_messages():
-        yield
 
 
 @pytest.fixture

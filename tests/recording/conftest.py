@@ -11,6 +11,11 @@ from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
 
 
+@pytest.fixture(autouse=True)
+def messages(of_the_command):
+    """Messages are those of the command."""
+
+
 def real(name):
     """A file of the recordings that are not part of the project."""
     beside = Path(__file__).parents[2] / ".." / "shared" / "data"

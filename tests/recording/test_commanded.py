@@ -103,7 +103,7 @@ def test_the_only_run_in_a_folder_is_used_and_of_several_none(planar, sent, tmp_
         found.position, load_commanded(sent, planar.joint_names, np.eye(2))[1].position
     )
     shutil.copytree(first, second)
-    ways = f"recording.sent='{tmp_path / 'a day'}'", f"recording.sent={tmp_path / 'another'}"
+    ways = f'recording.sent="{tmp_path / "a day"}"', f"recording.sent={tmp_path / 'another'}"
     with refused(RecordingError, "2 runs", *ways):
         load_commanded(tmp_path, planar.joint_names, np.eye(2))
 

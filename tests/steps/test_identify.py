@@ -72,9 +72,19 @@ def test_states_that_do_not_fit_a_model_are_refused(model):
 
 def test_a_locked_joint_may_move_as_little_as_noise(tables):
     locked = sg.Cell("planar2", locked={"elbow": 0.0})
-    with refused(RecordingError, "elbow", "robot.locked"):
+    with refused(RecordingError, "elbow", "(locked)"):
         sg.identify(locked, tables[0])
     assert sg.identify(locked, tables[0].assign(q_elbow=0.005)).arm.model.joints == 1
+
+
+def test_messages_about_recordings_suggest_what_python_takes(cell, tables):
+    degrees = tables[0].copy()
+    degrees[["q_shoulder", "q_elbow"]] *= 180 / np.pi
+    with refused(RecordingError, "recording={'units': {'angle': 'deg'}}"):
+        sg.identify(cell, degrees)
+    given = sg.identify(cell, degrees, recording={"units": {"angle": "deg"}}, gains=[1, 1])
+    unused = next(x for x in given.arm.recordings[0].warnings if x.startswith("gains is not used"))
+    assert "recording={'torque': None, 'current': 'tau{index}'}" in unused
 
 
 def test_a_fit_that_fails_repeats_what_was_found_in_the_recordings(cell, tables, monkeypatch):
