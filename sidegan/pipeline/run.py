@@ -104,10 +104,9 @@ def make_all(wanted: Iterable[Artifact], run: "RunContext", tracker: Tracker) ->
             if digest not in tracker.recorded:  # parts of an experiment may share artifacts
                 tracker.recorded.add(digest)
                 _record(artifacts[digest], run, tracker)
-    if artifacts:  # their folders below the outputs, by title
-        path = run.store.run_folder / ARTIFACTS
+        path = run.store.run_folder / ARTIFACTS  # their folders below the outputs, by title
         known = read_json(path) if path.exists() else {}
-        found = {artifact.title: artifact.folder.as_posix() for artifact in artifacts.values()}
+        found = {artifacts[digest].title: artifacts[digest].folder.as_posix() for digest in ready}
         write_json(path, known | found)
 
 

@@ -1,6 +1,7 @@
 """Artifacts appear whole, are found again, and are made anew when they are damaged."""
 
 import errno
+import json
 import multiprocessing
 import os
 import re
@@ -16,7 +17,7 @@ from sidegan.base.threads import on_threads, threads
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline import store as stores
 from sidegan.pipeline.artifact import Artifact
-from sidegan.pipeline.run import make_all
+from sidegan.pipeline.run import ARTIFACTS, make_all
 from sidegan.pipeline.store import Store
 
 PATIENCE = 120  # [s] with processes that others keep from their work
@@ -216,6 +217,18 @@ def test_artifacts_of_two_stages_are_recorded_once_costs_separately(store, monke
     model = tracker.log_model.return_value
     tracker.log_history.assert_called_once_with({"gan/eigen/loss": [3.0, None, 1.0]}, model)
     tracker.log_model.assert_called_once_with("gan/eigen", artifact.digest, store.folder(artifact))
+
+
+def test_what_a_run_made_before_it_fails_is_listed(store):
+    def fail(build):
+        raise KeyboardInterrupt
+
+    first = replace(numbers(), alone=True)
+    second = replace(numbers(4, fail), title="more", inputs={"numbers": first}, alone=True)
+    with pytest.raises(KeyboardInterrupt):
+        run(store, first, second, tracker=Mock(recorded=set()))
+    listed = json.loads((store.run_folder / ARTIFACTS).read_text(encoding="utf-8"))
+    assert listed == {"numbers": first.folder.as_posix()}
 
 
 def test_artifacts_are_made_after_their_inputs(store):
