@@ -55,6 +55,15 @@ class ConvolutionalGenerator(FromNoise):
         return torch.cat(batches)[:count]
 
 
+class _ListConvolution(nn.Conv2d):
+    """A convolution of images (B, C, p, 1); all but the kernel's middle column sees padding alone."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Channels (B, C', p', 1)."""
+        stride, padding = self.stride[0], self.kernel_size[0] // 2
+        return nn.functional.conv1d(x[..., 0], self.weight[..., padding], None, stride, padding)[..., None]
+
+
 class ConvolutionalDiscriminator(nn.Module):
     """Logits (B,) of being an example of a shape, images (B, 2, 7, 7) or features (B, p)."""
 
@@ -65,8 +74,9 @@ class ConvolutionalDiscriminator(nn.Module):
         layers: list[nn.Module] = [] if image else [nn.Unflatten(1, (first, *sides))]
         channels = [first, width, 2 * width, 4 * width, 8 * width]
         strides = _STRIDES[image]
+        convolution = nn.Conv2d if image else _ListConvolution
         for index, ((inputs, outputs), stride) in enumerate(zip(pairwise(channels), strides, strict=True)):
-            layers.append(nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False))
+            layers.append(convolution(inputs, outputs, 3, stride, 1, bias=False))
             if index:
                 layers.append(nn.BatchNorm2d(outputs, track_running_stats=False))
             layers.append(nn.LeakyReLU(_SLOPE))

@@ -141,8 +141,10 @@ class SideGAN(pl.LightningModule):
             loss = torch.stack([d.own_loss(rows, fake) for d in self.adversaries]).sum()
             self._record("discriminator", loss)
             self._step(optimiser, loss)
+        self.toggle_optimizer(generator)  # no gradients of the discriminators' weights
         for _ in range(self.settings.generator_steps):
             self._step(generator, self.generator_loss(len(rows)))
+        self.untoggle_optimizer(generator)
         schedulers: Any = self.lr_schedulers()
         for scheduler in schedulers if isinstance(schedulers, list) else [schedulers]:
             scheduler.step()
