@@ -55,7 +55,7 @@ class Goal:
     rate: float = 1.0  # of samples with independent errors [Hz]
     model: LinearTorqueModel | None = None  # to identify, with friction and rotors; None: rigid bodies
     targets: Array | None = None  # (R, P)
-    doubt: Array | None = None  # prior information on a tool, (R, R)
+    tool_prior: Array | None = None  # prior information on a tool, (R, R)
     runs: int = 1  # 2: a tool's trajectory is also executed without it
 
 
@@ -96,7 +96,7 @@ def _kernel_goal(
         np.ascontiguousarray(subspace.T @ prior @ subspace),
         goal.rate * period,
         np.ascontiguousarray(targets),
-        _fitting("doubt", goal.doubt, (count, count)),
+        _fitting("tool_prior", goal.tool_prior, (count, count)),
         float(goal.runs),
     )
     return terms, subspace, arrays

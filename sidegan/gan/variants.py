@@ -22,8 +22,9 @@ from sidegan.gan.settings import ExactPhysics, Published, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.tensors import numpy_array, tensor
 
-_EASE, _EASED = 0.1, 0.4  # initial share of the violations' weight, and share of the training until it is 1
-_CLEARANCE = 4.0  # clearance over the reserve, in units of 0.25 m
+_FIRST_WEIGHT = 0.1  # initial share of the violations' weight
+_FULL_WEIGHT = 0.4  # share of the training until it is 1
+_CLEARANCE_RESERVE = 4.0  # reserve of clearance in units of 0.25 m, relative to that of torques
 _GROWTH = 0.06  # growth of the published weight of success per epoch, once fitness counts
 _TINY = 1e-12
 
@@ -120,12 +121,12 @@ class Exact(SideGAN):
         self.worths = [(weight, Worth(self.problem, noise)) for weight, noise in weighted if weight]
         # The generator's last layer enforces the limits on motion.
         reserve = physics.reserve
-        self.penalty = Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)
+        self.penalty = Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE_RESERVE * reserve)
 
     def losses(self) -> list[Loss]:
         """Violation of the constraints, with a weight that grows geometrically, and worth for prediction."""
         weights = self.settings.weights
-        ease = _EASE ** (1 - min(1.0, self.share / _EASED))
+        ease = _FIRST_WEIGHT ** (1 - min(1.0, self.share / _FULL_WEIGHT))
         return [
             Loss(weights.success * ease, self.violation, "success"),
             Loss(weights.fitness, self.fitness, "fitness"),

@@ -77,14 +77,14 @@ class Tool:
         columns = model.mapping[:, last] * self._typical
         self._columns = columns / unit[:, None]  # effect of the tool on the arm's parameters, (P, 10)
         self._runs = 1 if identified else 2
-        self._doubt = np.eye(10) / _DOUBT**2
-        self.goal = Goal("tool", targets=columns.T, doubt=self._doubt, runs=self._runs)
+        self._prior = np.eye(10) / _DOUBT**2
+        self.goal = Goal("tool", targets=columns.T, tool_prior=self._prior, runs=self._runs)
 
     def deviations(self, known: Array, motion: Array) -> Array:
         """Standard deviation of mass [kg], mass times centre [kg·m] and inertia [kg·m²], (10,)."""
         tool = motion @ self._columns
         solved = np.linalg.solve(known + self._runs * motion, tool)
-        variances = np.linalg.inv(self._columns.T @ tool - tool.T @ solved + self._doubt).diagonal()
+        variances = np.linalg.inv(self._columns.T @ tool - tool.T @ solved + self._prior).diagonal()
         return np.sqrt(np.maximum(variances, 0)) * self._typical
 
     def summary(self, deviations: Array, before: Array) -> str:

@@ -31,7 +31,7 @@ class GoalArrays(NamedTuple):
     prior: Array  # prior information in the orthonormal basis, (p, p)
     amount: float  # information per unit of G
     targets: Array  # A, (R, p) with R ≤ p
-    doubt: Array  # prior information on a tool, (R, R)
+    tool_prior: Array  # prior information on a tool, (R, R)
     runs: float  # 1 or 2
 
 
@@ -181,7 +181,7 @@ def _times(lower: Array, x: Array, out: Array) -> None:
 
 
 @kernel
-def _whole(inverse: Array, half: Array, x: Array) -> None:
+def _transpose_times(inverse: Array, half: Array, x: Array) -> None:
     """Write L⁻ᵀ half into x, for a given L⁻¹."""
     clear(x)
     for i in range(len(inverse)):
@@ -223,7 +223,7 @@ def _covariance(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[f
         _eliminate(work.small, halves, size)
     for m in range(count):
         work.weights[m] = -goal.amount / (trace if goal.kind == VARIANCE else 1.0)
-        _whole(inverse, halves[m], work.rows[1])
+        _transpose_times(inverse, halves[m], work.rows[1])
         _times(subspace, work.rows[1], work.base[m])
     return math.log(trace) if goal.kind == VARIANCE else _log_det(work.small), count
 
@@ -233,7 +233,7 @@ def _tool(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[float, 
     """Log determinant of a tool's covariance, and the number of directions written.
 
     With t = amount · G A, K = prior + runs · amount · G and X = K⁻¹ t, the tool's information is
-    S = doubt + Aᵀ t − tᵀ X, and dS = amount · ((A − X)ᵀ dG (A − X) + (runs − 1) Xᵀ dG X).
+    S = tool_prior + Aᵀ t − tᵀ X, and dS = amount · ((A − X)ᵀ dG (A − X) + (runs − 1) Xᵀ dG X).
     """
     size, count, inverse = len(subspace), len(goal.targets), work.product
     pulled, solved, halves = work.base[:count], work.base[count : 2 * count], work.halves
@@ -241,10 +241,10 @@ def _tool(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[float, 
         for i in range(size):
             pulled[m, i] = goal.amount * product(work.inner[i], goal.targets[m], size)
         _times(inverse, pulled[m], halves[m])
-        _whole(inverse, halves[m], solved[m])
+        _transpose_times(inverse, halves[m], solved[m])
         for k in range(m + 1):
             told = product(goal.targets[k], pulled[m], size) - product(halves[k], halves[m], size)
-            work.small[m, k] = goal.doubt[m, k] + told
+            work.small[m, k] = goal.tool_prior[m, k] + told
     if not factorise(work.small):
         return np.inf, 0
     for m in range(count):

@@ -47,7 +47,7 @@ def goals(problem):
     targets = np.linalg.cholesky(information_on(model, states_within(body.arm, 200, seed=3))).T
     last = [name[-1] == str(joints) for name in model.names]
     tool = model.mapping[:, 10 * (joints - 1) : 10 * joints].T
-    doubt = np.eye(10) / 25
+    tool_prior = np.eye(10) / 25
     return {
         "condition": Goal(),
         "condition by noise": Goal(**noisy),
@@ -57,8 +57,8 @@ def goals(problem):
         "volume with friction": Goal("volume", targets=np.eye(model.count), **whole),
         "volume of a link and its joint": Goal("volume", targets=np.eye(model.count)[last], **whole),
         "variance on tasks": Goal("variance", targets=targets, **whole),
-        "tool": Goal("tool", targets=tool, doubt=doubt, **whole),
-        "tool and without it": Goal("tool", targets=tool, doubt=doubt, runs=2, **whole),
+        "tool": Goal("tool", targets=tool, tool_prior=tool_prior, **whole),
+        "tool and without it": Goal("tool", targets=tool, tool_prior=tool_prior, runs=2, **whole),
     }
 
 
@@ -97,7 +97,7 @@ def goal_of(problem, goal, states):
     beside = np.concatenate([np.eye(model.count), goal.targets])  # arm and tool in one run with it
     both = beside @ whole @ beside.T
     both[: model.count, : model.count] += prior + (goal.runs - 1) * whole
-    both[model.count :, model.count :] += goal.doubt
+    both[model.count :, model.count :] += goal.tool_prior
     return log_det(np.linalg.inv(both)[model.count :, model.count :])
 
 

@@ -231,7 +231,7 @@ def test_no_trajectories_are_proven_at_once(planar_problem):
         lambda model, other: Goal("volume", np.eye(43), model=model),
         lambda model, other: Goal(prior=np.full((43, 43), np.nan)),
         lambda model, other: Goal("variance", targets=np.eye(42)),
-        lambda model, other: Goal("tool", targets=np.eye(43), doubt=np.eye(3)),
+        lambda model, other: Goal("tool", targets=np.eye(43), tool_prior=np.eye(3)),
         lambda model, other: Goal(certainty=np.ones(6)),
         lambda model, other: Goal("volume", model=other),
     ],
