@@ -142,29 +142,39 @@ def _coarse(body: RigidBody, segments: list[Segment]) -> float:
 def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> Delay:
     """Short delay of the torques with which an arm of these kinematics explains them best.
 
-    A torque that is late by d is Y θ − d τ̇, fitted with rigid bodies, rotors, friction and offsets, so that
-    the description's inertias do not matter. Friction that grows with the load, which else looks like a
-    delay, follows the load of the fit before. Joints are weighted by their residuals and count only where
-    they are faster than the share ``above`` of their RMS speed.
+    A torque that is late by d is Y θ − d (Y θ)˙, fitted with rigid bodies, rotors, friction and offsets, so
+    that the description's inertias do not matter. Friction that grows with the load, which else looks like
+    a delay, and the time derivative, which has no noise then, follow from the fit before. Joints are weighted
+    by their residuals and count only where they are faster than the share ``above`` of their RMS speed.
     """
-    whole = [np.concatenate(x) for x in zip(*(_rates(segment) for segment in segments))]
-    q, dq, ddq, torque, sign, rate, bend = subset(whole, _SAMPLES)
-    known = _columns(body, q, dq, ddq, sign)
+    step = float(segments[0].time[1] - segments[0].time[0])
+    whole = [np.concatenate(x) for x in zip(*(_neighbourhoods(segment) for segment in segments))]
+    torque, rate, bend, *states = subset(whole, _SAMPLES)
+    times = [states[k : k + 4] for k in (0, 4, 8)]  # position, velocity, acceleration and sign at each
+    columns = [_columns(body, *x) for x in times]
+    used = np.ones_like(torque)
     if above:
-        fast = np.abs(dq) >= above * np.sqrt(np.square(dq).mean(0))
-        known, torque, rate, bend = known * fast[..., None], torque * fast, rate * fast, bend * fast
+        dq = times[1][1]
+        used = (np.abs(dq) >= above * np.sqrt(np.square(dq).mean(0))).astype(float)
+    rigid = body.parameters_count + body.joints  # links and rotors: their torque is the load
+    known = columns[1].shape[2]
+    loads, slope = [np.zeros_like(torque)] * 3, rate
     late, deviation = 0.0, math.inf
-    moved = known[..., : body.parameters_count + body.joints]  # links and rotors: their torque is the load
-    load = np.zeros_like(torque)
     for k in range(_ROUNDS):
         # the torque without the delay found so far
         now = torque + late * rate + late**2 / 2 * bend
-        loaded = (sign * np.abs(load))[..., None] * np.eye(body.joints)
-        found, deviation = _fit(np.concatenate([known, loaded, -(rate + late * bend)[..., None]], 2), now)
+        loaded = (times[1][3] * np.abs(loads[1]))[..., None] * np.eye(body.joints)
+        terms = np.concatenate([columns[1], loaded, -slope[..., None]], 2)
+        found, deviation = _fit(terms * used[..., None], now * used)
         late = max(-_STEP, min(_STEP, late + float(found[-1])))
         if k and abs(found[-1]) < _SETTLED:
             break
-        load = moved @ found[: moved.shape[2]]
+        before, _, after = (
+            x @ found[:known] + y[3] * np.abs(load) * found[known:-1]
+            for x, y, load in zip(columns, times, loads)
+        )
+        slope = (after - before) / (2 * step)
+        loads = [x[..., :rigid] @ found[:rigid] for x in columns]
     return Delay(late, deviation)
 
 
@@ -192,9 +202,10 @@ def _inverse(rows: Array) -> tuple[Array, Array]:
     return np.linalg.pinv((rows / scale).T @ (rows / scale), _ROUNDING, hermitian=True), scale
 
 
-def _rates(segment: Segment) -> list[Array]:
-    """A segment's states, torque and sign, and the torque's first and second time derivatives."""
+def _neighbourhoods(segment: Segment) -> list[Array]:
+    """A segment's torque, its first and second derivatives, and states before, at and after each sample."""
     step = float(segment.time[1] - segment.time[0])
     rate = np.gradient(segment.torque, step, axis=0)
     bend = np.gradient(rate, step, axis=0)
-    return [x[2:-2] for x in (*segment[1:], rate, bend)]
+    states = (*segment[1:4], segment.sign)
+    return [x[2:-2] for x in (segment.torque, rate, bend)] + [x[k : k - 4] for k in (1, 2, 3) for x in states]

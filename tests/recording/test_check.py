@@ -179,6 +179,16 @@ def test_a_delay_that_noise_drowns_is_not_corrected(planar):
     assert not drowned.corrected and not drowned.delay.believed
 
 
+def test_a_delay_in_noise_has_its_deviation(planar):
+    """Whose square is that of the error, in the mean, though the noise is in the torque's derivative too."""
+    time, errors = np.arange(15 * 200) / 200, []
+    for seed in range(20):
+        made = moved(planar, time, 2.0, 1.0, np.random.default_rng(seed), noise=0.3)
+        found = delay_of(RigidBody(planar), check_recording(made, planar, of_file()).segments)
+        errors.append(found.seconds / found.deviation)
+    assert np.square(errors).mean() < 2
+
+
 def test_torques_of_another_motion_seldom_have_a_delay(planar):
     """Some motions are so alike that one looks like the other at another time."""
     time, undetermined, corrected = np.arange(15 * 200) / 200, [], []
