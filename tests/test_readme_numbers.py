@@ -1,14 +1,17 @@
 """README's sentences on results have the numbers of its tables."""
 
 import re
+from io import StringIO
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from sidegan.base.conf import CONF
 from sidegan.design.selection import Selection
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 RESULTS = README.partition("\n## What it shows\n")[2].partition("\n## ")[0]
 SCALES = ("quick", "paper")  # with numbers such as that of the seeds
 USUAL = {"95", str(Selection().count)}  # per cent of intervals, and trajectories of a set
@@ -44,6 +47,26 @@ def unfounded(section: str) -> list[tuple[str, str]]:
             if number not in settings | known:
                 found.append((number, " ".join(sentence.split())))
     return found
+
+
+KINDS = {  # of claims, by the words of README
+    "what trainings end in": "learned",
+    "errors of identified models": "identified",
+    "robots, judged on simulated ones": "simulated robot",
+    "mathematics": "mathematics",
+    "speed, of this software": "speed",
+}
+
+
+def test_the_score_is_that_of_the_page():
+    table = README.partition("\n| claims about")[2].partition("\n\n")[0]
+    shown = pd.read_csv(StringIO(table), sep=r"\s*\|\s*", engine="python", skiprows=2, header=None)
+    found = pd.read_csv(ROOT / "docs" / "reproduction" / "tables" / "claims.csv")
+    verdict = found.ours.str.partition(" ")[2]
+    found["group"] = verdict.where(verdict.isin(["holds", "does not hold"]), "undecided")
+    counts = pd.crosstab(found.Kind, found.group)[["holds", "undecided", "does not hold"]]
+    score = {KINDS[row[1]]: [int(x) for x in row[2:6]] for row in shown.to_numpy().tolist()}
+    assert score == {kind: [sum(row), *row] for kind, row in zip(counts.index, counts.to_numpy().tolist())}
 
 
 @pytest.mark.parametrize("section", RESULTS.split("\n### "))
