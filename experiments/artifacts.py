@@ -179,9 +179,11 @@ class Artifacts:
         return float(self.seeds["cpu_seconds"]) / self.cfg.seeds.count
 
     def training_seconds(self, name: str, training: int) -> float:
-        """CPU time of a variant's surrogates, training and library [s]."""
-        trained = generator(self.run, name, training, self.cfg.gan[name])
-        parts = [surrogate_networks(self.run), trained, library(self.run, name, training)]
+        """CPU time of a variant's surrogates, if it has any, training and library [s]."""
+        variant = self.cfg.gan[name]
+        parts = [generator(self.run, name, training, variant), library(self.run, name, training)]
+        if variant.features:
+            parts.append(surrogate_networks(self.run))
         return sum(float(self.costs(part)["cpu_seconds"]) for part in parts)
 
     @cached_property

@@ -74,7 +74,10 @@ def summary(generators: pd.DataFrame) -> pd.DataFrame:
 def searched(artifacts: Artifacts) -> pd.DataFrame:
     """What searched trajectories cost, and from which number of them on each generator has cost less."""
     seeds, first = artifacts.seed_seconds * artifacts.cfg.seeds.count, artifacts.cfg.trainings[0]
-    once = {name: seeds + artifacts.training_seconds(name, first) for name in artifacts.cfg.gan}
+    once = {
+        name: seeds * variant.seeded + artifacts.training_seconds(name, first)
+        for name, variant in artifacts.cfg.gan.items()
+    }
     rows = {}
     for name, made in searched_sets(artifacts.run).items():
         each = artifacts.costs(made)["cpu_each"]

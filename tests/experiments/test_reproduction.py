@@ -15,6 +15,8 @@ from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED, UNKNOWN
 from sidegan.errors import ConfigError
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
+from sidegan.pipeline.stages.selection import library
+from sidegan.pipeline.stages.training import generator, surrogate_networks
 from tests.tiny import tiny
 
 
@@ -51,6 +53,15 @@ def test_a_run_lists_its_artifacts_those_on_fewer_seeds_apart(page, outputs):
         made
     )
     assert all((outputs / folder / "params.json").is_file() for folder in made.values())
+
+
+def test_only_a_variant_with_surrogates_pays_for_them(artifacts):
+    run, first = artifacts.run, artifacts.cfg.trainings[0]
+    surrogates = artifacts.costs(surrogate_networks(run))["cpu_seconds"]
+    for name, paid in (("vanilla", 0.0), ("eigen", surrogates)):
+        parts = generator(run, name, first, artifacts.cfg.gan[name]), library(run, name, first)
+        own = sum(artifacts.costs(part)["cpu_seconds"] for part in parts)
+        assert artifacts.training_seconds(name, first) == pytest.approx(own + paid)
 
 
 def test_every_number_that_a_run_records_is_explained(artifacts):
