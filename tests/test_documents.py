@@ -28,8 +28,7 @@ SMALL = {
     "your_arm": ("count = 2", "set/trajectories/2.csv"),
     "recordings": ("count = 2", "the torque of joint_2 runs against the description"),
     "paper": (
-        f"robot, seeds_count = 'planar2', 60\nsurrogates |= {SURROGATES}\n"
-        f"training |= {SMALLER}",
+        f"robot, seeds_count = 'planar2', 60\nsurrogates |= {SURROGATES}\ntraining |= {SMALLER}",
         "60 of 60 are valid",
     ),
 }

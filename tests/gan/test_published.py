@@ -13,6 +13,7 @@ from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.pretraining import load_surrogates
 from sidegan.gan.published import (
     IMAGE,
+    ConvolutionalDiscriminator,
     ConvolutionalGenerator,
     PublishedConverter,
     PublishedPredictor,
@@ -115,6 +116,18 @@ def test_batches_are_normalised_independently_and_each_epoch_is_sampled(vanilla)
     images = network(z)
     assert images.shape == (10, *IMAGE) and torch.equal(network.eval()(z), images)
     assert not torch.allclose(network(z)[:5], network(z[:5]))
+
+
+def test_lists_are_convolved_as_images_one_pixel_wide():
+    torch.manual_seed(0)
+    network = ConvolutionalDiscriminator((11,), 4)
+    lists = torch.rand(6, 11)
+    images = network.layers[0](lists)
+    for layer in network.layers[1:]:
+        images = (
+            torch.nn.Conv2d.forward(layer, images) if isinstance(layer, torch.nn.Conv2d) else layer(images)
+        )
+    torch.testing.assert_close(network(lists), images)
 
 
 def test_published_losses_equal_their_closed_forms():
