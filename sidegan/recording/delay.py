@@ -150,12 +150,11 @@ def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> De
     step = float(segments[0].time[1] - segments[0].time[0])
     whole = [np.concatenate(x) for x in zip(*(_neighbourhoods(segment) for segment in segments))]
     torque, rate, bend, *states = subset(whole, _SAMPLES)
-    times = [states[k : k + 4] for k in (0, 4, 8)]  # position, velocity, acceleration and sign at each
-    columns = [_columns(body, *x) for x in times]
-    used = np.ones_like(torque)
-    if above:
-        dq = times[1][1]
-        used = (np.abs(dq) >= above * np.sqrt(np.square(dq).mean(0))).astype(float)
+    before_at_after = [states[k : k + 4] for k in (0, 4, 8)]  # position, velocity, acceleration, sign
+    columns = [_columns(body, *x) for x in before_at_after]
+    signs = [sign for *_, sign in before_at_after]
+    velocity = before_at_after[1][1]
+    used = np.abs(velocity) >= above * np.sqrt(np.square(velocity).mean(0))
     rigid = body.parameters_count + body.joints  # links and rotors: their torque is the load
     known = columns[1].shape[2]
     loads, slope = [np.zeros_like(torque)] * 3, rate
@@ -163,15 +162,15 @@ def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> De
     for k in range(_ROUNDS):
         # the torque without the delay found so far
         now = torque + late * rate + late**2 / 2 * bend
-        loaded = (times[1][3] * np.abs(loads[1]))[..., None] * np.eye(body.joints)
+        loaded = (signs[1] * np.abs(loads[1]))[..., None] * np.eye(body.joints)
         terms = np.concatenate([columns[1], loaded, -slope[..., None]], 2)
         found, deviation = _fit(terms * used[..., None], now * used)
         late = max(-_STEP, min(_STEP, late + float(found[-1])))
         if k and abs(found[-1]) < _SETTLED:
             break
         before, _, after = (
-            x @ found[:known] + y[3] * np.abs(load) * found[known:-1]
-            for x, y, load in zip(columns, times, loads)
+            x @ found[:known] + sign * np.abs(load) * found[known:-1]
+            for x, sign, load in zip(columns, signs, loads)
         )
         slope = (after - before) / (2 * step)
         loads = [x[..., :rigid] @ found[:rigid] for x in columns]
