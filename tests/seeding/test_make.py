@@ -86,15 +86,15 @@ def test_seeds_that_never_become_valid_are_reported_with_the_reason(planar_probl
 @pytest.mark.parametrize(
     ("faults", "remedy"),
     [
-        ({"velocity of elbow": 2, "torque of elbow": 9}, "masses that are right .*5 kg together"),
-        ({"keep_out of forearm in region 0": 2}, "workspace="),
-        ({}, "trajectory.period=…"),
+        ({"velocity of elbow": 2, "torque of elbow": 9}, "masses that are right"),
+        ({"keep_out of forearm in region 0": 2}, "workspace={'desk': None}"),
+        ({}, "(period=…)"),
     ],
 )
 def test_too_few_seeds_are_reported_with_suggestions(planar_problem, faults, remedy):
     nothing = np.zeros((0, 2, 3, 2))
     error = SeedBatch(nothing, nothing[:, 0, 0, 0], 12, 12, faults).shortfall(planar_problem.constraints, 6)
-    with pytest.raises(InfeasibleError, match=rf"what may help: a home .*trajectory\.home=.*{remedy}"):
+    with refused(InfeasibleError, "(home=[…])", remedy):
         raise error
 
 
