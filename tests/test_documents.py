@@ -72,7 +72,8 @@ def test_tutorials_run(name, capsys, monkeypatch, tmp_path):
     space = {"__name__": "__main__"}
     for k, cell in enumerate(cells(name)):
         source = "".join(cell["source"])
-        source += f"\n{settings}" * ("parameters" in cell["metadata"].get("tags", []))
+        if "parameters" in cell["metadata"].get("tags", []):
+            source += f"\n{settings}"
         exec(compile(source, f"{name}[{k + 1}]", "exec"), space)
     assert printed in capsys.readouterr().out
 
