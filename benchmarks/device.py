@@ -16,12 +16,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
+from sidegan.gan.settings import TrainerSettings
 from sidegan.gan.side_gan import Data
 from sidegan.gan.tensors import tensor
 from sidegan.gan.training import fit_module
@@ -56,14 +57,15 @@ def task() -> tuple[Any, Data]:
     return variant, Data(constraints, family, seeds, predictor, converter)
 
 
-def rates(variant: Any, data: Data, device: str) -> dict[str, float]:
+def rates(variant: Any, data: Data, device: Literal["cpu", "cuda"]) -> dict[str, float]:
     """Wall time of an epoch [s] and of a sample [µs] on a device."""
     model = resolve_name(variant._target_)(variant, data)
     rows = TensorDataset(torch.arange(len(data.seeds)))
     order = RandomSampler(rows, num_samples=model.steps * variant.generator.batch)
 
     def train(epochs: int) -> None:
-        fit_module(model, DataLoader(rows, variant.generator.batch, sampler=order), epochs, device=device)
+        batches = DataLoader(rows, variant.generator.batch, sampler=order)
+        fit_module(model, batches, epochs, where=TrainerSettings(accelerator=device))
 
     train(WARM)
     before = [x.detach().clone() for x in model.generator.parameters()]
@@ -78,10 +80,10 @@ def rates(variant: Any, data: Data, device: str) -> dict[str, float]:
 
 def measured(variant: Any, data: Data) -> dict[str, Any]:
     """Rates by the name of each device that is there."""
-    names = {"cpu": platform.processor() or platform.machine()}
+    names: dict[Literal["cpu", "cuda"], str] = {"cpu": platform.processor() or platform.machine()}
     if torch.cuda.is_available():
         names["cuda"] = torch.cuda.get_device_name()
-    return {device: {"name": name, **rates(variant, data, device)} for device, name in names.items()}
+    return {str(device): {"name": name, **rates(variant, data, device)} for device, name in names.items()}
 
 
 def _seconds(work: Callable[[], Any]) -> float:

@@ -36,6 +36,18 @@ TRAITS = {
 
 
 @dataclass(frozen=True, kw_only=True)
+class TrainerSettings:
+    """Arguments of Lightning's trainer: the device of the networks."""
+
+    accelerator: Literal["cpu", "gpu", "cuda", "mps", "auto"] = "cpu"
+    devices: int | list[int] = 1  # one, or the index of one
+
+    def __post_init__(self) -> None:
+        if self.devices != 1 and not (isinstance(self.devices, list) and len(self.devices) == 1):
+            raise ConfigError(f"trainer.devices is {self.devices}, expected 1, or the index of one, [0]")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Weights:
     """Weights of the generator's losses, off by default.
 

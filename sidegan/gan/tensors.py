@@ -42,15 +42,6 @@ def keep_freed_memory() -> None:
             mallopt(option, size)
 
 
-def refusal(device: str) -> str:
-    """Torch's message for an unavailable device; empty for an available one."""
-    try:
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:  # an assertion fails if torch was not built for it
-        return str(error).splitlines()[0]
-    return ""
-
-
 @contextmanager
 def torch_alone() -> Iterator[None]:
     """Context in which trainings depend on their arguments alone, as in a worker of a command.

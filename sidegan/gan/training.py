@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytorch_lightning as pl
 import torch
+from lightning_fabric.utilities.exceptions import MisconfigurationException
 from pytorch_lightning.loggers import Logger
 from torch import nn
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
@@ -27,7 +28,7 @@ from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.metrics import measure_samples
 from sidegan.gan.pretraining import Labelled, label
 from sidegan.gan.scaling import CoefficientBox
-from sidegan.gan.settings import Refresh, Variant
+from sidegan.gan.settings import Refresh, TrainerSettings, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.surrogates import learn
 from sidegan.gan.tensors import keep_freed_memory, numpy_array, read_tensors, tensor
@@ -37,6 +38,7 @@ from sidegan.validity import Constraints, check, summarise_faults
 _log = logging.getLogger(__name__)
 
 _LAST = "last"  # checkpoint
+_PROCESSOR = TrainerSettings()
 # Lightning's advice that does not apply: the data is small and in memory, the surrogates are frozen.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*|.*is not empty.*"
 _REFRESHED = 100  # samples per batch of the surrogates' further training
@@ -64,7 +66,7 @@ class TrainingRun:
     work: Path  # folder of checkpoints to resume from
     evaluation: int = 200  # trajectories to evaluate with exact physics after every epoch
     samples: int = 0  # trajectories to keep of every epoch, for surrogates to learn from
-    device: str = "cpu"  # of the networks
+    trainer: TrainerSettings = TrainerSettings()
     progress: Report = lambda done, total: None  # in epochs
     logger: Logger | None = None  # of losses and metrics, while it runs
 
@@ -89,7 +91,7 @@ def train_variant(settings: Variant, data: Data, run: TrainingRun) -> Trained:
     batches = DataLoader(rows, batch, sampler=order)
     refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
     metrics = EpochMetrics(run)
-    fit_module(model, batches, settings.epochs, [*refresh, metrics], run.work, run.device, run.logger)
+    fit_module(model, batches, settings.epochs, [*refresh, metrics], run.work, run.trainer, run.logger)
     return Trained(model.generator.eval(), metrics.history, torch.cat(metrics.samples).numpy())
 
 
@@ -99,7 +101,7 @@ def fit_module(
     epochs: int,
     callbacks: Sequence[pl.Callback] = (),
     work: Path | None = None,
-    device: str = "cpu",
+    where: TrainerSettings = _PROCESSOR,
     logger: Logger | None = None,
 ) -> None:
     """Train a module, and move it to the CPU.
@@ -111,7 +113,6 @@ def fit_module(
         KeyboardInterrupt: when interrupted.
     """
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
-    kind, _, index = device.partition(":")
     known: Path | None = None
     callbacks = list(callbacks)
     if work is not None:
@@ -127,8 +128,8 @@ def fit_module(
         warnings.filterwarnings("ignore", message=_NOISE)
         trainer = pl.Trainer(
             max_epochs=epochs,
-            accelerator={"cuda": "gpu"}.get(kind, kind),
-            devices=[int(index)] if index else 1,
+            accelerator=where.accelerator,
+            devices=where.devices,
             callbacks=callbacks,
             enable_checkpointing=work is not None,
             logger=logger or False,
@@ -143,6 +144,15 @@ def fit_module(
             signal.signal(signal.SIGINT, handler)
             raise KeyboardInterrupt from error
     module.cpu()
+
+
+def unavailable(where: TrainerSettings) -> str:
+    """Lightning's message for an unavailable device; empty for an available one."""
+    try:
+        pl.Trainer(accelerator=where.accelerator, devices=where.devices, logger=False)
+    except (MisconfigurationException, TypeError) as error:
+        return str(error).splitlines()[0]
+    return ""
 
 
 class Refreshed(pl.Callback):

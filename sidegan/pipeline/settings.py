@@ -22,7 +22,7 @@ from sidegan.controllers import ExportSettings
 from sidegan.design.problem import SearchSettings
 from sidegan.design.selection import Selection
 from sidegan.errors import ConfigError
-from sidegan.gan.settings import DEFAULTS, Surrogates, Variant
+from sidegan.gan.settings import DEFAULTS, Surrogates, TrainerSettings, Variant
 from sidegan.identification import (
     EstimationSettings,
     GoalSettings,
@@ -43,7 +43,6 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _TRACKING = re.compile(
     r"(auto|local|off|databricks)$|(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:"
 )
-_DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 _SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
 Workers = Annotated[int, Field(ge=1, le=4096)]
 
@@ -136,7 +135,7 @@ class Config:
     seed: Natural
     outputs: str
     publish: str | None  # folder of a page and its tables, or the page's name; null: the run's folder
-    device: str
+    trainer: TrainerSettings
     tracking: str  # auto, local, off, or the URI of an MLflow server or database
     parallel: Parallel
     usual: dict[str, float | None]  # what an experiment's clearance and effort are unless they are set
@@ -202,14 +201,12 @@ class Config:
                 yield f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'"
         if variants == []:
             yield "gan is empty, expected one variant or more"
-        if not _DEVICE.fullmatch(self.device):
-            yield f"device is {self.device!r}, expected cpu, cuda, cuda:N or mps"
-        elif self.device != "cpu":
+        if self.trainer != TrainerSettings():
             with extra("paper"):
-                from sidegan.gan.tensors import refusal
+                from sidegan.gan.training import unavailable
 
-            if refused := refusal(self.device):
-                yield f"device is {self.device!r}, which is not available: {refused}"
+            if refused := unavailable(self.trainer):
+                yield f"trainer is {asdict(self.trainer)}: {refused}"
         if not _TRACKING.match(self.tracking):
             yield f"tracking is {self.tracking!r}, expected auto, local, off, or a URI like http://host:5000"
         if len(set(self.stages)) < len(self.stages):

@@ -119,7 +119,7 @@ def _train(
         build.work,
         evaluation=run.cfg.evaluation,
         samples=samples,
-        device=run.cfg.device,
+        trainer=run.cfg.trainer,
         progress=build.report,
         logger=None if build.curves is None else build.curves.logger(f"gan/{name}-{training}"),
     )
