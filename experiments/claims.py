@@ -70,6 +70,16 @@ def findings(judged: list[Claim]) -> pd.DataFrame:
     return pd.DataFrame(rows).set_index("Claim")
 
 
+def confirmed(judged: list[Claim], first: str, other: str) -> str:
+    """Text on how many verdicts under a condition another confirms, and which it contradicts."""
+    pairs = [(claim.text, claim.findings[first].verdict, claim.findings[other].verdict) for claim in judged]
+    found = {verdict: [second for _, x, second in pairs if x == verdict] for verdict in _PLURAL}
+    parts = [f"{x.count(verdict)} of the {len(x)} that {_PLURAL[verdict]}" for verdict, x in found.items()]
+    against = [text for text, *both in pairs if {*both} == {*_PLURAL}]
+    contradicted = f"contradicts: {'; '.join(against)}" if against else "contradicts none"
+    return f"of the claims on {first}, {other} confirms {' and '.join(parts)}; it {contradicted}"
+
+
 def signed(finding: Judgement) -> str:
     """A verdict with its symbol."""
     return f"{_SIGNS[finding.verdict]} {finding.verdict}"

@@ -100,6 +100,9 @@ def _context(conditions: Conditions, judged: list[claims.Claim], target: Path) -
         "searched": training.SEARCHED,
         "plants": {name: exp1.on_plants(made.plant, made.cfg.gan) for name, made in conditions.items()},
         "verdicts": {name: _verdicts(judged, name) for name in conditions},
+        "confirmed": {
+            name: claims.confirmed(judged, next(iter(conditions)), name) for name in list(conditions)[1:]
+        },
     }
 
 
@@ -113,12 +116,13 @@ def _verdicts(judged: list[claims.Claim], condition: str) -> str:
 
 
 def described(artifacts: Artifacts) -> str:
-    """Sentence on the seeds and the recipe of a condition."""
+    """Sentence on the seeds, the recipe and the random numbers of a condition."""
     seeds = _SEEDS.get(artifacts.cfg.seeds.method, artifacts.cfg.seeds.method)
     shipped = getattr(artifacts.cfg.surrogates, "shipped", None)  # only in the published recipe
     surrogates = "shipped" if shipped else "retrained"
     recipe = "our recipe" if shipped is None else f"their recipe, surrogates {surrogates}"
-    return f"{artifacts.seeds['count']:.0f} seeds {seeds}, {recipe}."
+    random = f"random numbers of `seed={artifacts.cfg.seed}`"
+    return f"{artifacts.seeds['count']:.0f} seeds {seeds}, {recipe}, {random}."
 
 
 def metrics(conditions: Conditions) -> dict[str, dict[str, float]]:

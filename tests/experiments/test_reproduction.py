@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 from experiments.artifacts import Artifacts
-from experiments.claims import claims
+from experiments.claims import claims, confirmed
 from experiments.pages import DOCS, PAPER
-from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED, UNKNOWN
+from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED, UNKNOWN, Judgement
 from sidegan.errors import ConfigError
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
@@ -94,6 +94,14 @@ def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(usual):
     for claim in usual:
         assert "{" not in claim.text + claim.why + claim.criterion and claim.where and claim.paper
         assert claim.findings["ours"].ours and claim.why.endswith(".")
+
+
+def test_another_condition_confirms_what_is_decided_alike_and_contradicts_what_is_decided_otherwise(usual):
+    pairs = [(HOLDS, HOLDS), (HOLDS, OPEN), (HOLDS, NOT), (NOT, NOT), (UNDECIDED, HOLDS), (UNKNOWN, NOT)]
+    found = [{"ours": Judgement(x, ""), "again": Judgement(y, "")} for x, y in pairs]
+    told = confirmed([claim._replace(findings=each) for claim, each in zip(usual, found)], "ours", "again")
+    assert "again confirms 1 of the 3 that hold and 1 of the 1 that do not hold;" in told
+    assert told.endswith(f"it contradicts: {usual[2].text}")
 
 
 @pytest.mark.parametrize(
