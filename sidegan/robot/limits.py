@@ -12,7 +12,7 @@ from sidegan.base.settings_text import FILL_IN, setting_name, suggest_by_joint
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
-from sidegan.robot.joint_limits import with_file
+from sidegan.robot.joint_limits import completed_by_file
 from sidegan.robot.setup import Limits
 from sidegan.robot.thresholds import LIMITS, TURN, WIDER_LIMIT
 from sidegan.robot.tree import Tree, UrdfJoint, similar_names
@@ -49,7 +49,7 @@ def limits_of(
     half a turn from home [rad]. Missing or impossible limits are refused together, with the settings that
     state them, and so are limits in other units; without planning, these become defaults or are converted.
     """
-    given, read = with_file(tree, given.of_joints(joint.name for joint in moving))
+    given, read = completed_by_file(tree, given.of_joints(joint.name for joint in moving))
     stated = _stated(tree, given)
     described = _Described(tree, home)
     found = dict[str, JointLimits]()

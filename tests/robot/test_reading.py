@@ -238,7 +238,7 @@ def test_a_single_number_sets_the_limit_of_every_joint(load):
 JOINTS = {
     "joint0": {"has_velocity_limits": True, "max_velocity": 1.25, "has_jerk_limits": False, "max_jerk": 1},
     "joint1": {"has_acceleration_limits": True, "max_acceleration": 2.5},
-    "joint2": {"has_position_limits": True, "min_position": -1.0, "max_position": 1.0},
+    "joint2": {"max_position": 1.0},  # no flag turns it off; the other end is the description's
     "finger": {"has_velocity_limits": True, "max_velocity": 0.1},
 }
 FILES = {
@@ -255,16 +255,24 @@ def test_limits_are_read_from_a_joint_limits_yaml(load, tmp_path, what):
     limits = composed(*command).robot.limits
     arm = load(arm_of(), Setup(limits=replace(limits, velocity={"joint3": 0.5})))
     assert arm.velocity_limit.tolist() == [1.25, 2, 2, 0.5] and arm.jerk_limit is None
-    assert arm.acceleration_limit.tolist() == [np.inf, 2.5, np.inf, np.inf] and arm.position_upper[2] == 1
-    assert f"come from {file}; joints that the arm does not have are ignored: finger" in "; ".join(arm.notes)
+    described = load(arm_of())
+    assert arm.acceleration_limit.tolist() == [np.inf, 2.5, np.inf, np.inf]
+    assert arm.position_upper[2] == 1 and arm.position_lower[2] == described.position_lower[2]
+    assert f"come from {file}; joints that the description does not have are ignored: finger" in "; ".join(
+        arm.notes
+    )
 
 
 BAD = {
     "joint_limits: {finger: {has_jerk_limits: true, max_jerk: 1}}": ["finger"],
     "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: fast}}": ["jerk.joint0", "'fast'"],
     "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: 0}}": ["jerk.joint0", "0"],
+    "joint_limits: {joint0: {has_velocity_limits: false, max_velocity: 1}}": ["no limit", "joint0"],
+    "joint_limits: {joint0: {min_position: 1, max_position: -1}}": ["joint0", "1 to -1"],
+    "joint_limits: {joint0: {max_velocity: !degrees [90]}}": ["scalar"],
     "limits: 3": ["joint_limits"],
     "a: [": ["while parsing"],
+    "&a {x: *a}": ["joint_limits"],
 }
 
 
