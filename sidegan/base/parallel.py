@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,7 @@ _WATCH = 1.0  # [s] between checks that the parent process is alive
 _client: "Client | None" = None  # of a Dask cluster; None: worker processes of this machine
 _spent = 0.0  # CPU time of this process's jobs in workers [s]
 
-Report = Callable[[int, int], None]  # reports steps done, and their total
+Report = Callable[[int, int], None]  # is called with the steps of a job that are done, and all of them
 Job = Callable[[Report], Any]
 
 
@@ -66,13 +67,15 @@ def on_cluster(scheduler: str | None) -> Iterator[None]:
             _client = None
 
 
-def cores(workers: int | None) -> int:
+def worker_count(workers: int | None) -> int:
     """Number of worker processes: ``workers``, or one per core; ConfigError unless positive."""
     from joblib import cpu_count
 
-    if workers is not None and (not isinstance(workers, int) or workers < 1):
+    if workers is None:
+        return cpu_count()
+    if not isinstance(workers, Integral) or isinstance(workers, bool) or workers < 1:
         raise ConfigError(f"workers is {workers!r}, expected 1 or more, or None")
-    return workers or cpu_count()
+    return int(workers)
 
 
 def cpu_seconds() -> float:
@@ -87,39 +90,45 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
         description: of the jobs, for the progress bar and the SideganError if workers are lost.
         jobs: picklable functions of a ``Report``, which has no effect in workers.
         workers: number of processes; None: one per core; 1: run in this process. Ignored by a Dask cluster.
-        total: end of the progress bar, in units of what all jobs make together; percent by default.
+        total: what the bar counts to, such as the seeds that all jobs make; every job is an equal part of it.
     """
     global _spent
-    most = min(cores(workers), len(jobs))
+    processes = min(worker_count(workers), len(jobs))
+    here = not jobs or (processes < 2 and _client is None)
     with bar(description, total) as progress:
 
         def report_of(job: int) -> Report:
-            return lambda done, steps: progress(round(total * (job + done / max(steps, 1)) / len(jobs)))
+            def report(done: int, steps: int) -> None:
+                share = done / max(steps, 1)  # a job may have no steps
+                progress(round(total * (job + share) / len(jobs)))
 
-        if most < 2 and not (jobs and _client):
+            return report
+
+        if here:
             with one_thread():
                 return [job(report_of(number)) for number, job in enumerate(jobs)]
         results = []
         try:
-            with closing(_by_dask(jobs, _client) if _client else _by_joblib(jobs, most)) as done:
-                for number, (result, used) in enumerate(done):
+            with closing(_by_dask(jobs, _client) if _client else _by_joblib(jobs, processes)) as finished:
+                for number, (result, used) in enumerate(finished):
                     _spent += used
                     results.append(result)
                     report_of(number)(1, 1)
         except Exception as error:
-            if why := _lost(error):
-                rest = "the same command continues where it stopped"
+            if why := _reason_of_loss(error):
+                rest = "run it again, which reuses all that was saved"
                 raise SideganError(f"{description}: {why}; {rest}") from error
             raise
         return results
 
 
 def _by_joblib(jobs: Sequence[Job], workers: int) -> Generator[tuple[Any, float], None, None]:
+    """Results of the jobs, in order, each with its CPU time [s]."""
     from joblib import Parallel, delayed, parallel_config
 
     folder = Path.cwd()
-    ends = {"initializer": _exit_with, "initargs": (os.getpid(),)}
-    with parallel_config("loky", inner_max_num_threads=1, **ends), warnings.catch_warnings():
+    start = {"initializer": _exit_with, "initargs": (os.getpid(),)}
+    with parallel_config("loky", inner_max_num_threads=1, **start), warnings.catch_warnings():
         # joblib warns of workers replaced for their memory, and of cancelled tasks; both are harmless
         warnings.filterwarnings("ignore", module="joblib")
         parallel = Parallel(workers, return_as="generator", max_nbytes=None)
@@ -146,7 +155,8 @@ def _work(job: Job, folder: Path) -> tuple[Any, float]:
             f"worker on {host} cannot read {folder} ({error.strerror}); put it on a shared file system"
         ) from error
     with one_thread():
-        return job(lambda done, total: None), time.process_time() - began
+        result = job(lambda done, steps: None)
+    return result, time.process_time() - began
 
 
 def _exit_with(parent: int) -> None:
@@ -155,12 +165,12 @@ def _exit_with(parent: int) -> None:
     def watch() -> None:
         while os.getppid() == parent:
             time.sleep(_WATCH)
-        os._exit(1)
+        os._exit(1)  # sys.exit would end this thread alone
 
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _lost(error: Exception) -> str:
+def _reason_of_loss(error: Exception) -> str:
     """Why workers were lost; empty for an error in a job."""
     killed = "a worker process was killed, perhaps because it ran out of memory"
     if isinstance(error, BrokenProcessPool):

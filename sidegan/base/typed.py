@@ -27,25 +27,26 @@ Number = Annotated[float, Field(ge=-1e12, le=1e12)]
 Positive = Annotated[float, Field(ge=1e-12, le=1e12)]
 NonNegative = Annotated[float, Field(ge=0, le=1e12)]
 Share = Annotated[float, Field(ge=0, le=1)]
-Part = Annotated[float, Field(ge=1e-12, le=1)]  # in (0, 1]
-Open = Annotated[float, Field(ge=1e-12, lt=1)]  # in (0, 1)
+PositiveShare = Annotated[float, Field(ge=1e-12, le=1)]  # in (0, 1]
+ShareBelowOne = Annotated[float, Field(ge=1e-12, lt=1)]  # in (0, 1)
 Seconds = Annotated[float, Field(ge=1e-3, le=1e5)]  # durations of motions
 Hertz = Annotated[float, Field(ge=1e-12, le=1e5)]  # sampling rates and bandwidths
 Natural = Annotated[int, Field(ge=0)]
 Count = Annotated[int, Field(ge=1, le=10**9)]  # number of repetitions
 Size = Annotated[int, Field(ge=1, le=10**5)]  # length of an array's axis
-Width = Annotated[int, Field(ge=1, le=10**4)]  # length of both axes, as of a network's layer
+Width = Annotated[int, Field(ge=1, le=10**4)]  # rows and columns of a square matrix, as a layer's weights
 
 
-def _written(value: object) -> object:
+def _as_text(value: object) -> object:
+    """A number or a boolean as a command writes it."""
     return str(value).lower() if isinstance(value, int | float) else value
 
 
-Text = Annotated[str, BeforeValidator(_written)]  # may be given as a number or a boolean
+Text = Annotated[str, BeforeValidator(_as_text)]  # may be given as a number or a boolean
 
 _UNKNOWN = "unexpected_keyword_argument"  # pydantic's error type for an unknown setting
 _SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
-_KINDS = {
+_EXPECTED = {  # by pydantic's error type
     "int_type": "a whole number",
     "float_type": "a number",
     "string_type": "text",
@@ -55,7 +56,7 @@ _KINDS = {
     "dict_type": "a group of settings",
     "dataclass_type": "a group of settings",
 }
-_GROUPS = ("dict_type", "dataclass_type")
+_GROUP_ERRORS = ("dict_type", "dataclass_type")
 
 
 def build(kind: type[T], values: Mapping[str, Any]) -> T:
@@ -77,13 +78,15 @@ def settings_of(kind: type[T], given: T | Mapping[str, Any] | None) -> T:
     """
     if not (given is None or isinstance(given, kind | Mapping)):
         raise ConfigError(f"settings are {given!r}, expected {kind.__name__} or a mapping of its fields")
-    if isinstance(given, kind):  # whose fields may have been set to anything
+    if isinstance(given, kind):  # dataclasses do not check what they are given in Python
         return build(kind, dataclasses.asdict(given))  # type: ignore[call-overload]
     return build(kind, given or {})  # type: ignore[arg-type]
 
 
 def changed(settings: T, changes: Mapping[str, Any]) -> T:
-    """Settings with changes; of a group given as a mapping, the settings that it names, as in a command.
+    """A copy of settings with changes, as in a command.
+
+    A mapping changes only the keys that it names; any other value replaces the old one.
 
     Raises:
         ConfigError: when a setting is unknown or out of range; names it.
@@ -92,6 +95,7 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
 
 
 def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Values with changes; mappings are merged at every depth."""
     merged = dict(values)
     for key, new in changes.items():
         groups = isinstance(new, Mapping) and isinstance(values.get(key), Mapping)
@@ -100,22 +104,28 @@ def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 
 def _plain(value: Any) -> Any:
-    """Arrays, dataclasses and paths as JSON values."""
+    """Arrays, dataclasses, mappings and paths as JSON values."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return dataclasses.asdict(value)
+    if isinstance(value, Mapping):
+        return dict(value)
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def _problems(kind: type, error: ValidationError, values: Any) -> list[str]:
-    """A line for each wrong setting; of alternative types, only errors of the best match."""
+    """A line for each wrong setting; of alternative types, only errors of the one that fails deepest."""
     found: dict[Place, list[ErrorDetails]] = {}
     for detail in error.errors():
         found.setdefault(_place(detail, values), []).append(detail)
-    misspelt = {place[:-1] for place, (detail, *_) in found.items() if detail["type"] == _UNKNOWN}
+    misspelt = set[Place]()  # groups with a setting whose name is like one of theirs
+    for place, errors in found.items():
+        if errors[0]["type"] == _UNKNOWN and did_you_mean(kind, place):
+            misspelt.add(place[:-1])
     lines = []
     for place, errors in found.items():
-        missing = errors[0]["type"] == "missing" and place[:-1] in misspelt  # may be what was misspelt
-        if not missing and not any(other != place and other[: len(place)] == place for other in found):
+        deeper = any(other != place and other[: len(place)] == place for other in found)
+        explained = errors[0]["type"] == "missing" and place[:-1] in misspelt
+        if not deeper and not explained:
             lines.append(_line(kind, place, errors))
     return lines
 
@@ -124,8 +134,8 @@ def _place(error: "ErrorDetails", values: Any) -> Place:
     """Keys that lead to the value, without the names of alternative types that pydantic inserts."""
     place: list[str | int] = []
     for key in error["loc"]:
-        keys = values if isinstance(values, dict) else range(len(values)) if isinstance(values, list) else ()
-        if key in keys:
+        indices = range(len(values)) if isinstance(values, list) else ()
+        if key in (values if isinstance(values, dict) else indices):
             values = values[key]
             place.append(key)
     return (*place, error["loc"][-1]) if error["type"] == "missing" else tuple(place)
@@ -139,21 +149,22 @@ def _line(kind: type, place: Place, errors: "list[ErrorDetails]") -> str:
     if error["type"] == "missing":
         return f"{name} is missing"
     if error["type"] == _UNKNOWN:
-        return f"{name}: there is no such setting{suggest(kind, place)}"
+        return f"{name}: there is no such setting{did_you_mean(kind, place)}"
     fields = names_in(kind, place)
-    named = f" ({', '.join(fields)})" if fields and any(x["type"] in _GROUPS for x in errors) else ""
-    return f"{name} is {error['input']!r}, expected {', or '.join(map(_expected, errors))}{named}"
+    named = f" ({', '.join(fields)})" if fields and any(x["type"] in _GROUP_ERRORS for x in errors) else ""
+    expected = ", or ".join(dict.fromkeys(map(_expected, errors)))
+    return f"{name or 'the value'} is {error['input']!r}, expected {expected}{named}"
 
 
 def _expected(error: "ErrorDetails") -> str:
     for sign, limit in error.get("ctx", {}).items():
         if sign in _SIGNS:
             return f"{'a whole number' if isinstance(limit, int) else 'a number'} {_SIGNS[sign]} {limit:g}"
-    return _KINDS.get(error["type"], error["msg"].removeprefix("Input should be "))
+    return _EXPECTED.get(error["type"], error["msg"].removeprefix("Input should be "))
 
 
-def suggest(kind: type, place: Place) -> str:
-    """Suggestion for an unknown setting, "; did you mean …?", or nothing."""
+def did_you_mean(kind: type, place: Place) -> str:
+    """Question after an unknown setting, "; did you mean …?", or nothing."""
     for depth, key in enumerate(place):
         names = names_in(kind, place[:depth])
         if names and key not in names:
@@ -166,7 +177,8 @@ def suggest(kind: type, place: Place) -> str:
 def names_in(kind: Any, group: Sequence[str | int]) -> list[str]:
     """Names of a group's settings; ``group`` are the keys that lead to it. Empty if it is not a group."""
     found: list[str] = []
-    for option in get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,):
+    options = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+    for option in options:
         settings = get_type_hints(option) if dataclasses.is_dataclass(option) else {}
         if not group:
             found += settings

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from sidegan.base.typed import NonNegative, Number, Part, Seconds, Size
+from sidegan.base.typed import NonNegative, Number, PositiveShare, Seconds, Size
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,5 +19,5 @@ class Choices(TrajectoryFamily):
     """What a user may choose of a cell, and the defaults."""
 
     # share of velocity and torque limits to use; null: 0.8, or 1 if that would hardly hold the arm
-    effort: Part | None = None
+    effort: PositiveShare | None = None
     clearance: NonNegative | None = None  # [m]; null: the workspace's

@@ -5,7 +5,7 @@ from typing import Literal
 
 from sidegan.base.arrays import Array
 from sidegan.base.settings_text import suggestion
-from sidegan.base.typed import Hertz, Number, Part, Positive, Seconds
+from sidegan.base.typed import Hertz, Number, Positive, PositiveShare, Seconds
 from sidegan.errors import ConfigError
 from sidegan.robot import Arm
 from sidegan.robot.coupling import Rows, coupling_matrix
@@ -32,12 +32,13 @@ class ExportSettings:
 
     formats: list[Literal["csv", "ros2", "urscript"]] = field(default_factory=lambda: ["csv", "ros2"])
     rate: Hertz = 100.0  # of the tables [Hz]
-    speed: Part = 1.0  # share of the planned speed: the same paths, slower
+    speed: PositiveShare = 1.0  # share of the planned speed: the same paths, slower
     pause: Seconds | None = 1.0  # rest between trajectories [s]; null: none
     # joints whose position is a sum of the controller's, in whose coordinates files and ``start`` are
     coupling: Rows | None = None
     start: list[Number] | None = None  # present position [rad or m]; adds a path from there to home and back
-    careful: Part = 0.2  # share of the limits that this path uses; of torques, in addition to holding the arm
+    # share of the limits that this path uses; of torques, in addition to holding the arm
+    careful: PositiveShare = 0.2
     longest: Positive = 600.0  # most time for this path [s]
     tolerance: Tolerance = Tolerance()  # at the start of a goal or program, and on the path
     rehearse: bool = False  # execute the set in MuJoCo first

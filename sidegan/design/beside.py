@@ -6,7 +6,7 @@ import sys
 from contextlib import suppress
 from functools import cache
 
-from sidegan.base.parallel import cores
+from sidegan.base.parallel import worker_count
 from sidegan.kernels.descent import descend
 from sidegan.kernels.proof import visit
 
@@ -23,7 +23,7 @@ def compile_beside() -> None:
     """
     python = "" if getattr(sys, "frozen", False) else sys.executable or ""
     missing = visit.to_be_compiled() or descend.to_be_compiled()
-    if "python" in python.rpartition("/")[2] and cores(None) > 1 and missing:
+    if "python" in python.rpartition("/")[2] and worker_count(None) > 1 and missing:
         command = [python, "-m", "sidegan.design.precompile"]
         alone = {**os.environ, "LOKY_MAX_CPU_COUNT": "1"}  # that process starts no other
         quiet = subprocess.DEVNULL

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import Field
 
 from sidegan.base.conf import chosen
-from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width, build
+from sidegan.base.typed import Count, Natural, NonNegative, Positive, PositiveShare, Share, Size, Width, build
 from sidegan.errors import ConfigError
 
 Beta = Annotated[float, Field(ge=0, lt=1)]
@@ -147,7 +147,7 @@ class Variant:
     steps: Count | None  # discriminator steps per epoch; null: one pass over the seeds
     generator_steps: Count = 2  # per discriminator step
     fitness_start: Natural = 0  # first epoch with the fitness loss
-    diversity: Part = 1.0  # lower bound of the rank, as a share of the seeds' rank
+    diversity: PositiveShare = 1.0  # lower bound of the rank, as a share of the seeds' rank
     reserve: Share = 0.0  # share of each limit, and of 0.1 m, to keep free by the success predictor
     refresh: Refresh | None = None  # only our variants with surrogates; null: surrogates stay frozen
     exact: ExactPhysics | None = None  # only Exact

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.base.typed import Count, Hertz, NonNegative, Number, Part, Positive, Seconds
+from sidegan.base.typed import Count, Hertz, NonNegative, Number, Positive, PositiveShare, Seconds
 from sidegan.errors import ConfigError
 from sidegan.identification.measurements import Noise
 
@@ -25,7 +25,7 @@ class StudySettings:
     constant: Positive = 0.01
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
-    reach: Part = 0.8  # share of its tightest limit that each test trajectory uses
+    reach: PositiveShare = 0.8  # share of its tightest limit that each test trajectory uses
 
 
 # What is noisy: the seeds' measurements; all measurements; all torques; all torques and the seeds' states.

@@ -71,7 +71,7 @@ def _unknown(key: str, inner: str, parent: Any) -> str:
 
     ``parent`` is what was composed of its group.
     """
-    from sidegan.base.typed import names_in, suggest
+    from sidegan.base.typed import did_you_mean, names_in
     from sidegan.pipeline.settings import Config
 
     if re.match(r"gan\.(?!generator\b)\w+\.generator\.", inner):
@@ -85,7 +85,7 @@ def _unknown(key: str, inner: str, parent: Any) -> str:
         for one, held in groups
         if one != "usual" and OmegaConf.is_dict(held) and name in held
     ]
-    near = f"; did you mean {' or '.join(below)}?" if below else suggest(Config, place).replace(".*", "")
+    near = f"; did you mean {' or '.join(below)}?" if below else did_you_mean(Config, place).replace(".*", "")
     if name in siblings:
         others = f"or of another {group[0]}=…" if group else "choose one by +experiment=…"
         return f"{inner}: this is a setting of other experiments, {others}"

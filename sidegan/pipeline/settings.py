@@ -16,7 +16,7 @@ from pydantic import Field
 
 from sidegan.base.conf import offer_defaults
 from sidegan.base.extras import extra
-from sidegan.base.typed import Count, Natural, Number, Open, Part, Positive, build
+from sidegan.base.typed import Count, Natural, Number, Positive, PositiveShare, ShareBelowOne, build
 from sidegan.cell import TrajectoryFamily, Workspace
 from sidegan.controllers import ExportSettings
 from sidegan.design.problem import SearchSettings
@@ -71,7 +71,7 @@ class Robot(Setup):
     name: str
     gains: list[Number] | None = None  # drive gains, joint torque per motor current [N·m/A]
     # share of velocity and torque limits to use; null: 0.8, or 1 if the arm can hardly hold itself
-    effort: Part | None = None
+    effort: PositiveShare | None = None
 
     @property
     def setup(self) -> Setup:
@@ -165,7 +165,7 @@ class Config:
     table: str = _group("table")  # Python module that collects and presents the results
     recordings: list[Recorded] = _group("recordings")  # to identify from: one file each, or one per signal
     # held-out recordings, or the share of every recording, at its end, that is held out
-    validation: list[Recorded] | Open = _group("validation")
+    validation: list[Recorded] | ShareBelowOne = _group("validation")
     loaded: list[Recorded] = _group("loaded")  # recordings with a load
     load: KnownLoad = _group("load")
     known: str | None = _group("known")  # folder of the run that identified a model

@@ -16,7 +16,7 @@ import pytest
 from threadpoolctl import threadpool_info
 
 from sidegan.base import parallel
-from sidegan.base.parallel import cores, cpu_seconds, on_cluster, run_jobs
+from sidegan.base.parallel import cpu_seconds, on_cluster, run_jobs, worker_count
 from sidegan.base.threads import on_threads, threads
 from sidegan.errors import ConfigError, InfeasibleError, SideganError, StorageError
 from tests.refusals import refused
@@ -92,7 +92,7 @@ def test_results_progress_and_cpu_time_do_not_depend_on_the_workers(workers, ste
 def test_empty_job_lists_and_empty_progress():
     assert run_jobs("none", [], 2) == []
     assert run_jobs("one", [lambda report: report(0, 0)], 2) == [None]
-    assert cores(3) == 3 and 1 <= cores(None) <= (os.cpu_count() or 1)
+    assert worker_count(3) == 3 and 1 <= worker_count(None) <= (os.cpu_count() or 1)
 
 
 def test_a_failing_job_raises_and_later_jobs_run(workers):

@@ -1,6 +1,7 @@
 """Settings are read by the types of their dataclass, and every mistake is named."""
 
 import dataclasses
+from types import MappingProxyType
 from typing import Literal
 
 import pytest
@@ -10,13 +11,14 @@ from sidegan.base.typed import (
     Natural,
     NonNegative,
     Number,
-    Part,
     Positive,
+    PositiveShare,
     Text,
     build,
     changed,
+    did_you_mean,
     names_in,
-    suggest,
+    settings_of,
 )
 from sidegan.errors import ConfigError
 from tests.refusals import refused
@@ -46,7 +48,7 @@ class Outer:
     many: dict[str, Inner]
     regions: list[Inner] | None
     words: dict[str, Text]
-    files: list[str | Inner] | Part
+    files: list[str | Inner] | PositiveShare
 
 
 GOOD = {"seed": 0, "rate": 100, "weight": 0.0, "name": "a", "on": True, "corner": [1, 2.5]}
@@ -122,7 +124,13 @@ def test_all_problems_are_reported_at_once():
         build(Outer, {**GOOD, "seed": "x", "inner": {"count": 0, "kind": "small"}, "extra": 1})
 
 
+def test_any_mapping_is_read_and_what_is_missing_is_told_beside_a_name_that_is_like_none():
+    assert settings_of(Inner, MappingProxyType({"count": 3, "kind": "small"})) == Inner(3, "small")
+    with refused(ConfigError, "2", "count", "zzz"):
+        build(Inner, {"kind": "small", "zzz": 1})
+
+
 def test_setting_names_and_suggestions_come_from_their_group():
     assert names_in(Outer, ["many", "first"]) == ["count", "kind", "optional"] == names_in(Outer, ["inner"])
     assert names_in(Outer, ["seed"]) == names_in(Outer, ["nothing"]) == []
-    assert suggest(Outer, ("iner", "count")) == "; did you mean inner.count?"
+    assert did_you_mean(Outer, ("iner", "count")) == "; did you mean inner.count?"

@@ -47,6 +47,8 @@ SETTINGS = [
     ("exp1", REGIONS("{spere:{radius:1}}"), "did you mean workspace.regions[0].sphere?"),
     ("exp1", REGIONS("{mesh:{file:FOLDER/broken.stl}}"), "broken.stl cannot be read"),
     ("exp1", "table=nowhere.tables", "table is 'nowhere.tables': there is no such module"),
+    ("exp1", "table=''", "table is '': there is no such module"),
+    ("exp1", "table=json", "table is 'json': it has no function collect and no present"),
     ("excite", "goal.objective=condition known=FOLDER", "goal.objective=condition uses no model"),
     ("excite", "controllers.formats=[urscript]", "urscript, which moves 6 revolute joints; planar2 has 2"),
     ("excite", "controllers.rate=1.8", "controllers.rate is 1.8 Hz, expected 7.5 or more: 20 points per per"),

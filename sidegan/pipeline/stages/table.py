@@ -14,19 +14,24 @@ from sidegan.pipeline.tracking import Tracker
 
 
 def _module(run: RunContext) -> ModuleType:
+    """The module that the setting ``table`` names."""
     name = run.cfg.table
     try:
         return import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name is None or not f"{name}.".startswith(f"{error.name}."):
+    except (ModuleNotFoundError, TypeError, ValueError) as error:  # not a name: '', '.x'
+        missing = getattr(error, "name", None) or name
+        if not f"{name}.".startswith(f"{missing}."):  # the module exists, and imports another that does not
             raise
         raise ConfigError(
-            f"table is {name!r}: there is no such module (experiments are only in a clone)"
+            f"table is {name!r}: there is no such module (the package experiments comes with a clone alone)"
         ) from error
 
 
 def _check(run: RunContext) -> None:
-    if hasattr(module := _module(run), "check"):
+    module = _module(run)
+    if missing := [name for name in ("collect", "present") if not hasattr(module, name)]:
+        raise ConfigError(f"table is {run.cfg.table!r}: it has no function {' and no '.join(missing)}")
+    if hasattr(module, "check"):
         module.check(run)
 
 
