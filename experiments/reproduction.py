@@ -50,8 +50,12 @@ collect = comparison
 
 
 def check(run: RunContext) -> None:
-    """Refuse unknown conditions, and those without the paper's variants, before any work."""
+    """Refuse conditions that are unknown, lack the paper's variants or are the same, before any work."""
+    seen: dict[str, str] = {}  # names of conditions by their settings
     for name, made in comparison(run).items():
+        same = seen.setdefault(str(made.cfg.plain() | {"condition": None}), name)
+        if same != name:
+            raise ConfigError(f"conditions {same} and {name} have the same settings: is seed set for both?")
         if missing := set(GANS) - made.cfg.gan.keys():
             expected = f"the page compares {', '.join(GANS)}"
             raise ConfigError(f"condition {name} does not train {', '.join(sorted(missing))}; {expected}")

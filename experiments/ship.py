@@ -6,9 +6,9 @@
 
 from pathlib import Path
 
+from sidegan.base.conf import CONF
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.context import RunContext
-from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stages.seeds import origin, seed_set
 from sidegan.pipeline.store import Store
 from sidegan.seeding.optimise import SeedBatch, ship

@@ -18,9 +18,9 @@ from omegaconf.errors import OmegaConfBaseException
 from sidegan.base.conf import CONF
 from sidegan.pipeline.compose import explain
 from sidegan.pipeline.run import BAD_CONFIG, FAILURE, INTERRUPTED, interrupts, run_job
-from sidegan.pipeline.sweep import end_sweep, swept
+from sidegan.pipeline.sweep import end_sweep
 
-_UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel", "hydra")  # in names of runs
+_UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel")  # in names of runs
 _started: list[DictConfig] = []  # settings of the jobs that have begun
 
 
@@ -85,7 +85,6 @@ def run_name(experiment: str, overrides: list[str], seed: Any) -> str:
     """Name of a run for people, e.g. ``exp1 gan=eigen seed=1``, from what the command line overrides."""
     words = [override.lstrip("+") for override in overrides]
     named = [word for word in words if word.partition("=")[0].partition(".")[0] not in _UNNAMED]
-    named.sort(key=lambda word: word.partition("=")[0] not in swept())  # a long name is cut at its end
     return f"{' '.join([experiment, *named])[:180]} seed={seed}"
 
 

@@ -29,6 +29,7 @@ class Selection:
     """Number of trajectories to select from a pool, and the method."""
 
     count: Count = 35
+    # by the paper's score, the determinant of the information, or the sum of the parameters' variances
     method: Literal["greedy", "d_optimal", "a_optimal"] = "greedy"
     noise: list[Positive] | None = None  # of each joint's torque [N·m], to weight joints; not for greedy
 

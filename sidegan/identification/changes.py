@@ -41,6 +41,8 @@ def other_load_or_friction(misfit: Misfit) -> list[Finding]:
     The one that explains most. The data cannot say which of two recordings it is: the second is named.
     """
     model, recordings = misfit.model, misfit.found.recordings
+    if len(recordings) < 2:
+        return []
     candidates = [(with_load(model, carried=True), _other_load)]
     if {"viscous", "coulomb"} <= {*model.kinds}:
         candidates.append((_with_friction(model), _other_friction))
@@ -187,7 +189,7 @@ def contacts_and_drifts(misfit: Misfit) -> list[Finding]:
         if far.any():
             texts.append(
                 f"from {begin:.3g} s to {end:.3g} s of {recording.name} the residual of {arm.named(far)} is "
-                f"{sizes.max():.2g} times that of the rest: did the arm touch something? cut these rows"
+                f"{sizes[far].max():.2g} times that of the rest: did the arm touch something? cut these rows"
             )
         changes = _drift(time, position, left)
         if changes.any():

@@ -12,7 +12,6 @@ from sidegan.identification.fit import best_combination, least_residual
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.misfit import Misfit
 from sidegan.identification.sums import scaled_inverse
-from sidegan.identification.thresholds import CERTAIN, NOTABLE_MASS
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, joint_of
 from sidegan.recording.agreement import to_reverse
 from sidegan.robot import Arm, placeholder_links
@@ -21,14 +20,15 @@ from sidegan.robot import Arm, placeholder_links
 def driving_friction(misfit: Misfit, named: Array) -> list[Finding]:
     """Joints, other than the named ones, (J,), whose friction of both kinds is clearly negative."""
     chosen = misfit.found.chosen
-    clear = chosen.parameters < -CERTAIN * chosen.deviation
+    clear = chosen.parameters < -thresholds.CERTAIN * chosen.deviation
     negative = {name for name, x in zip(chosen.names, clear.tolist()) if x}
     driven = [{f"fv{j}", f"fc{j}"} <= negative for j in range(1, misfit.model.joints + 1)]
-    names = misfit.arm.named(np.array(driven) & ~named)
-    if not names:
+    odd = np.array(driven) & ~named
+    if not odd.any():
         return []
-    text = f"the friction of {names} would drive the motion: is the sign of the torque reversed?"
-    return [Finding(BAD, f"{text} {to_reverse(names)}")]
+    remedy = to_reverse(misfit.arm, odd, misfit.agreement.settings.reverse)
+    text = f"the friction of {misfit.arm.named(odd)} would drive the motion"
+    return [Finding(BAD, f"{text}: is the sign of the torque reversed? {remedy}")]
 
 
 def odd_scale(misfit: Misfit) -> list[Finding]:
@@ -74,7 +74,7 @@ def offsets(misfit: Misfit) -> list[Finding]:
             continue
         j = joint_of(name)
         usual, limit = misfit.quality.usual[j], arm.torque_limit[j]
-        least = max(thresholds.NOTABLE_OFFSET * usual, CERTAIN * deviation)
+        least = max(thresholds.NOTABLE_OFFSET * usual, thresholds.CERTAIN * deviation)
         if math.isfinite(limit):
             least = max(least, thresholds.NOTABLE_OFFSET_OF_LIMIT * limit)
         if abs(value) > least:
@@ -127,7 +127,9 @@ def _other_links(misfit: Misfit) -> list[Finding]:
             continue
         difference, deviation, error = link
         (mass, *moment), name = difference[:4].tolist(), arm.link_names[j]
-        known = abs(mass) > max(CERTAIN * deviation[0], NOTABLE_MASS * arm.inertial_parameters[:, 0].sum())
+        known = abs(mass) > max(
+            thresholds.CERTAIN * deviation[0], thresholds.NOTABLE_MASS * arm.inertial_parameters[:, 0].sum()
+        )
         if known and mass > 0 and j == model.joints - 1:
             centre = ", ".join(f"{x / mass:.2g}" for x in moment)
             text = f"a load of {mass:.2g} kg at ({centre}) m on {name} explains the difference from the "
@@ -174,7 +176,7 @@ def implausible_links(arm: Arm, links: Array) -> list[Finding]:
         if mass > max(thresholds.IMPLAUSIBLE_MASS * described[j], whole) > 0:
             text = f"{arm.link_names[j]} weighs {mass:.3g} kg, {described[j]:.3g} kg in the description"
             found.append(Finding(USABLE, text, j))
-        if away > reach > 0 and mass > NOTABLE_MASS * whole:
+        if away > reach > 0 and mass > thresholds.NOTABLE_MASS * whole:
             text = f"the centre of mass of {arm.link_names[j]} is {away:.3g} m away, beyond the arm's reach"
             found.append(Finding(BAD, text, j))
     return found

@@ -6,6 +6,7 @@ from itertools import pairwise, product
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from scipy.stats import gmean
 
 from sidegan.base.arrays import TINY, Array
 from sidegan.base.names import listed
@@ -148,12 +149,7 @@ class _Turns:
     def worth(self, key: Key, chosen: Sequence[Key]) -> float:
         """Ratio of a joint's errors on data held out with all chosen effects to those without one of them."""
         ratio = self.errors(chosen) / self.errors([other for other in chosen if other != key])
-        return float(_mean(ratio)[key[0]])
-
-
-def _mean(ratio: Array) -> Array:
-    """Geometric mean of ratios of errors over the parts, (J,)."""
-    return np.exp(np.log(ratio[:-1]).mean(0))
+        return float(gmean(ratio[:-1])[key[0]])
 
 
 def _chosen(turns: _Turns, chosen: list[Key]) -> list[Key]:
@@ -165,8 +161,9 @@ def _chosen(turns: _Turns, chosen: list[Key]) -> list[Key]:
         for kind in EFFECT_KINDS:
             new = [(j, kind) for j in joints if (j, kind) not in chosen]
             ratio = turns.errors([*chosen, *new]) / best
-            clear = (ratio < 1).all(0) & (np.maximum(_mean(ratio), ratio[-1]) < turns.most(kind))
-            ratios |= {key: float(_mean(ratio)[key[0]]) for key in new if clear[key[0]]}
+            mean = gmean(ratio[:-1])  # over the parts
+            clear = (ratio < 1).all(0) & (np.maximum(mean, ratio[-1]) < turns.most(kind))
+            ratios |= {key: float(mean[key[0]]) for key in new if clear[key[0]]}
         each = [[key for key in ratios if key[0] == j] for j in joints]
         picks = [min(keys, key=ratios.__getitem__) for keys in each if keys]
         if not picks:

@@ -85,8 +85,10 @@ class IdentifiedArm:
         """
         model, consistent = self.model, self.estimates[CONSISTENT]
         held = [kind for kind in kinds if kind in model.kinds]
+        if not held:
+            return Drives.none(model.joints)
         rigid = model.mapping[:, : 10 * model.joints]
-        free = np.hstack([rigid[:, :0], *(model.mapping[:, model.standard_slice(kind)] for kind in held)])
+        free = np.hstack([model.mapping[:, model.standard_slice(kind)] for kind in held])
         information, moment = consistent.sums.weighted(consistent.weights)
         rest = moment - information @ rigid @ self.links.ravel()
         found, _ = scipy.optimize.nnls(*rows_of(free.T @ information @ free, free.T @ rest))

@@ -23,7 +23,7 @@ class Misfit:
         self.found = found
         self.model, self.arm, self.quality = found.model, found.model.arm, found.quality
         self.samples = measurements_of(found.training)
-        self.nmse = self.quality.judged.nmse_mean  # mean over joints
+        self.nmse = self.quality.mean(self.quality.judged)  # over the joints above their noise, as ``error``
 
     @cached_property
     def agreement(self) -> Agreement:

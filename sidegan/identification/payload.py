@@ -1,5 +1,6 @@
 """A load on the last link, from runs without and with it; or the drives' gains, if the load is known."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,12 +157,12 @@ class Gains:
         """Whether a current shows the load clearly, with the other sign than the arm itself, (J,)."""
         return self._clear & ((self.gains < 0) != self.against)
 
-    def doubts(self, arm: Arm) -> list[str]:
-        """Reasons why some gains may not be used, with the joints' names."""
+    def doubts(self, arm: Arm, reverse: Sequence[str] = ()) -> list[str]:
+        """Reasons why some gains may not be used, with the joints' names; ``reverse`` is that setting."""
         negative = self._clear & (self.gains < 0)
         positive = self._clear & ~negative
         if self.exchanged:
-            also = f" If so, signs of currents are reversed, too {to_reverse(arm.named(positive))}"
+            also = f" If so, signs of currents are reversed, too {to_reverse(arm, positive, reverse)}"
             return [
                 f"the currents of {arm.named(self._taken_off)} change as if the load were taken off: are "
                 f"recordings and loaded exchanged?{also if positive.any() else ''}"
@@ -175,7 +176,7 @@ class Gains:
         if negative.any():
             doubts.append(
                 f"the gain of {arm.named(negative)} is negative: is the sign of its current reversed? "
-                f"{to_reverse(arm.named(negative))}"
+                f"{to_reverse(arm, negative, reverse)}"
             )
         if odd := arm.named(positive & self.against):
             doubts.append(

@@ -8,8 +8,8 @@ import numpy as np
 
 from sidegan.base.arrays import TINY, Array, geometric_mean
 from sidegan.base.names import listed
+from sidegan.base.settings_text import suggestion
 from sidegan.identification import thresholds
-from sidegan.identification.estimate import nmse_text
 from sidegan.identification.fit import (
     Extended,
     covariance_of,
@@ -91,9 +91,7 @@ def tilted_base(misfit: Misfit) -> list[Finding]:
     if gravity is None:
         return []
     agreement = misfit.agreement
-    return other_gravity(
-        misfit, agreement._replace(turned=True, load=agreement.load._replace(gravity=gravity))
-    )
+    return other_gravity(misfit, agreement._replace(load=agreement.load._replace(gravity=gravity)))
 
 
 def rotor_inertias(misfit: Misfit) -> list[Finding]:
@@ -102,13 +100,10 @@ def rotor_inertias(misfit: Misfit) -> list[Finding]:
     if terms.rotor_inertia:
         return []
     error = misfit.error(TorqueModel(misfit.model.body, replace(terms, rotor_inertia=True)))
-    now = misfit.quality.mean(misfit.quality.judged)
-    if error >= thresholds.EXPLAINED * now:
+    if error >= thresholds.EXPLAINED * misfit.nmse:
         return []
-    text = (
-        f"rotors explain the residuals: with model=motor_current the mean nMSE is {nmse_text(error)} "
-        f"instead of {nmse_text(now)}; are these torques measured at the motors?"
-    )
+    rotors = f"rotors explain the residuals: with {suggestion('model.rotor_inertia', True)}"
+    text = f"{rotors}, {misfit.instead(error)}; are these torques measured at the motors?"
     return [Finding(USABLE, text)]
 
 

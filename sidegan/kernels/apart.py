@@ -132,8 +132,8 @@ def _regions(
         for n in range(count):
             if gap[n] < (reach if weight > 0 else least) + shapes.size[k]:
                 distance, point, away = near_region(shapes, r, load(ends, A, n), load(ends, B, n))
-                short = reach - distance + shapes.radius[k]
-                least = min(least, distance - shapes.radius[k])
+                short = reach - distance + shapes.outer[k]
+                least = min(least, distance - shapes.outer[k])
                 if weight > 0 and short > 0:
                     total += weight * short * short
                     force = scale(-2 * weight * short, away)

@@ -111,7 +111,7 @@ def signed_distances(chain: Chain, shapes: Shapes, q: Array, pairs: Array, regio
         for k in range(len(shapes.guarded)):
             r, c = shapes.guarded[k, 0], shapes.guarded[k, 1]
             height, _, _ = near_region(shapes, r, row(at.ends[0], c), row(at.ends[1], c))
-            regions[n, k] = height - shapes.radius[c]
+            regions[n, k] = height - shapes.outer[c]
 
 
 @inline

@@ -260,7 +260,7 @@ def least_height(shapes: Shapes, ends: Array, twist: Array, k: int, contact: Con
         end = row(ends[side], k)
         rate = dot(away, add(moving, cross(turning, end)))
         lowest = min(lowest, dot(away, less(end, point)) - half * abs(rate))
-    return distance - shapes.radius[k] + lowest
+    return distance - shapes.outer[k] + lowest
 
 
 @inline

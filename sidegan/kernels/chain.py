@@ -26,6 +26,7 @@ class Shapes(NamedTuple):
     frame: Array  # frame of each capsule: 0 for the base, else joint + 1, (C,) int
     ends: Array  # end points of its axis in that frame [m], (2, C, 3)
     radius: Array  # [m], (C,)
+    outer: Array  # radius for regions [m], (C,)
     core: Array  # radius for pairs in the optimisers' penalty and in the evaluation [m], (C,)
     size: Array  # slightly more than the radius of its bounding ball [m], (C,)
     pairs: Array  # capsules to keep apart, (P, 2) int

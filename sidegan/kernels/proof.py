@@ -244,7 +244,7 @@ def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> 
         if from_region(shapes, r, row(ends[2], k)) >= need + shapes.size[k]:
             continue
         contact = near_region(shapes, r, row(ends[0], k), row(ends[1], k))
-        margin = contact[0] - shapes.radius[k]
+        margin = contact[0] - shapes.outer[k]
         if margin >= need:
             continue
         slack = _reached(model.region_reach, g, motion)

@@ -33,15 +33,17 @@ def kernel_shapes(
     guarded: Array,
     regions: tuple[Array, ...],
     closer: Array | None = None,
+    outer: Array | None = None,
 ) -> Shapes:
     """An arm's capsules and regions: tables of numbers (R, 8), kinds (R,) and planes (M, 4).
 
-    Pairs (P, 2) may be closer by distances (P,) [m]; None: zero.
+    Pairs (P, 2) may be closer by distances (P,) [m]; None: zero. For regions capsules have radii ``outer``,
+    (C,), at most their own; None: their own.
     """
     ends = np.stack([capsules.a, capsules.b])
     radius = capsules.radius
     size = radius + np.linalg.norm(ends[0] - ends[1], axis=1) / 2 + _ROUNDING
-    bodies = capsules.link + 1, ends, radius, capsules.core, size
+    bodies = capsules.link + 1, ends, radius, radius if outer is None else outer, capsules.core, size
     allowed = np.zeros(len(pairs)) if closer is None else closer
     return Shapes(*map(array, (*bodies, pairs, allowed, guarded, *regions)))
 

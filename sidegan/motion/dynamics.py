@@ -110,7 +110,7 @@ class RigidBody:
     def _rows(self, columns: Array, *states: Array) -> Array:
         from sidegan.motion import operations
 
-        q, *_ = checked = self._checked(*states)
+        q, *_ = checked = self.checked(*states)
         flat = [x.reshape(-1, self.joints) for x in checked]
         return operations.rows(self.chain, columns, flat).reshape(*q.shape, len(columns))
 
@@ -118,13 +118,13 @@ class RigidBody:
         """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm."""
         from sidegan.motion import operations
 
-        q, *_ = checked = self._checked(q, dq, ddq)
-        flat = [x.reshape(-1, self.joints) for x in checked]
-        return operations.torques(self.chain, flat, self.arm.inertial_parameters).reshape(q.shape)
+        states = self.checked(q, dq, ddq)
+        flat = [x.reshape(-1, self.joints) for x in states]
+        return operations.torques(self.chain, flat, self.arm.inertial_parameters).reshape(states[0].shape)
 
     def drive_torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """Torque of the drives [N·m], (…, J): ``torque`` plus known friction and rotor inertia."""
-        q, dq, ddq = self._checked(q, dq, ddq)
+        q, dq, ddq = self.checked(q, dq, ddq)
         return self.torque(q, dq, ddq) + self.arm.known_drives.torque(dq, ddq)
 
     def sums(self, q: Array, dq: Array, ddq: Array, torque: Array) -> Array:
@@ -134,10 +134,10 @@ class RigidBody:
         """
         from sidegan.motion import operations
 
-        states = self._checked(q, dq, ddq)
+        states = self.checked(q, dq, ddq)
         return operations.joint_sums(self.chain, self.base.columns, states, torque)
 
-    def _checked(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> list[Array]:
+    def checked(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> list[Array]:
         """States as float64 arrays, after a check of their shapes."""
         given = {"position": q, "velocity": dq, "acceleration": ddq}
         states = {name: numbers(x, name) for name, x in given.items()}
@@ -161,7 +161,7 @@ def gram(
     batch = max(1, _STATES_IN_CACHE * threads() // samples)
     grams = []
     for part in split(c, batch):
-        states = body._checked(*trajectory.roll_out(part, times)[1:])
+        states = body.checked(*trajectory.roll_out(part, times)[1:])
         grams.append(operations.gram_matrices(body.chain, body.base.columns, states, certainty))
     return np.concatenate(grams)
 

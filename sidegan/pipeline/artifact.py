@@ -17,7 +17,6 @@ from sidegan.base.conf import VERSIONS
 from sidegan.base.names import dotted, folder_name
 from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
-from sidegan.pipeline.tracking import Curves
 
 # stages of makers that do not have their name
 _STAGES = {"baseline": "random", "short": "long", "sums": "replication"}
@@ -31,7 +30,6 @@ class Build:
     folder: Path  # for its files; renamed into place when complete
     work: Path  # for files of unfinished tasks (written without making it); survives a kill
     report: Report  # shows progress
-    curves: Curves | None = None  # where a training logs while it runs
     costs: dict[str, Any] = field(default_factory=dict)  # seconds and the like; stored outside the artifact
 
 
@@ -48,7 +46,7 @@ class Artifact:
     make: Callable[[Build], None] = field(repr=False, compare=False)  # fills its folder
     # numbers, or series of numbers, to record from its finished folder
     metrics: Callable[[Path], Metrics] = field(repr=False, compare=False)
-    alone: bool = False  # uses all workers itself, so it is not made in parallel with others
+    alone: bool = False  # not made beside others, since it uses all workers itself or is timed
 
     @property
     def folder(self) -> Path:

@@ -41,7 +41,7 @@ def composed(*overrides: str) -> "Config":
         with nullcontext() if within else hydra.initialize_config_dir(str(CONF), version_base="1.3"):
             return validate(hydra.compose("config", overrides=list(overrides)))
     except HydraException as error:
-        raise ConfigError(str(error).partition("\n")[0]) from error
+        raise ConfigError(explain(error)) from error
 
 
 def explain(error: Exception) -> str:

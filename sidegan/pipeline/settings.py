@@ -211,11 +211,11 @@ class Config:
             yield f"tracking is {self.tracking!r}, expected auto, local, off, or a URI like http://host:5000"
         if len(set(self.stages)) < len(self.stages):
             yield f"stages is {self.stages}, expected each once"
-        if self.has("long") and len(set(self.long.harmonics)) < len(self.long.harmonics):
-            yield f"long.harmonics is {self.long.harmonics}, expected each once"
-        for name in ("trainings", "arms"):
-            values = getattr(self, name)
-            if self.has(name) and (not values or len(set(values)) < len(values)):
+        lists = {name: getattr(self, name) for name in ("trainings", "arms") if self.has(name)}
+        if self.has("long"):
+            lists["long.harmonics"] = self.long.harmonics
+        for name, values in lists.items():
+            if not values or len(set(values)) < len(values):
                 yield f"{name} is {values}, expected one or more, each once"
 
     def _files(self) -> Iterator[str]:
@@ -265,7 +265,7 @@ class Config:
             yield f"seeds.samples is {self.seeds.samples}, {few} trajectory.harmonics={family.harmonics}"
         highest = family.harmonics / family.period
         if self.has("long"):
-            most = max(self.long.harmonics, default=self.long.samples)
+            most = max(self.long.harmonics)
             if self.long.samples <= 2 * most:
                 yield f"long.samples is {self.long.samples}, {few} long.harmonics={self.long.harmonics}"
             highest = max(highest, most / self.long.period)
@@ -276,11 +276,8 @@ class Config:
 
 def offer() -> None:
     """Offer the defaults of all groups to Hydra, before it composes."""
-    groups: dict[str, type] = {}
-    for name, kind in get_type_hints(Config).items():
-        if is_dataclass(kind) and isinstance(kind, type):
-            groups[name] = kind
-    offer_defaults(groups | DEFAULTS)
+    hints = get_type_hints(Config).items()
+    offer_defaults({name: x for name, x in hints if isinstance(x, type) and is_dataclass(x)} | DEFAULTS)
 
 
 def validate(cfg: DictConfig) -> Config:

@@ -108,7 +108,7 @@ class Store:
         work = final.with_name(f"{final.name}.work")
         with self._lock(artifact):
             if self.find(artifact) is None:
-                self._make(artifact, Build(final.with_name(f".{final.name}.tmp"), work, report, self.curves))
+                self._make(artifact, Build(final.with_name(f".{final.name}.tmp"), work, report))
             else:
                 _log.info("%s: reused from %s", artifact.maker, final)
             shutil.rmtree(work, ignore_errors=True)

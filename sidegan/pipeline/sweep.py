@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
@@ -22,8 +21,8 @@ if TYPE_CHECKING:  # slow to import
 
 _log = logging.getLogger(__name__)
 
-# environment variables, since jobs may run in other processes
-PARENT, SWEPT = "SIDEGAN_PARENT_RUN", "SIDEGAN_SWEPT"
+# environment variable, since jobs may run in other processes
+PARENT = "SIDEGAN_PARENT_RUN"
 STATUS = "status.json"
 RESULTS, SWEEP_RESULTS = "results.csv", "sweep_results.csv"  # of a job, and of all jobs, as numbers
 _OVERRIDES = Path(".hydra", "overrides.yaml")  # of a job, in its folder
@@ -44,10 +43,6 @@ class SweepCallback(Callback):
             return
         hidden = ("+experiment=", "outputs=")
         words = [word for word in config.hydra.overrides.task if not word.startswith(hidden)]
-        parsed = zip(words, OverridesParser.create().parse_overrides(words))
-        varied = [word for word, override in parsed if override.is_sweep_override()]
-        os.environ[SWEPT] = " ".join(word.partition("=")[0].lstrip("+") for word in varied)
-        words.sort(key=lambda word: word not in varied)  # a long name is cut at its end
         name = " ".join([config.experiment, "sweep", *words])[:200]
         _parent = Tracker(Path(config.outputs), config.experiment, name, str(config.tracking))
         if _parent.run_id:
@@ -77,16 +72,10 @@ class SweepCallback(Callback):
             raise SystemExit(worst)
 
 
-def swept() -> list[str]:
-    """Settings that the sweep of this job varies; empty outside of one."""
-    return os.environ.get(SWEPT, "").split()
-
-
 def end_sweep(status: Status) -> None:
     """Close the parent run, if one is open."""
     global _parent
     os.environ.pop(PARENT, None)
-    os.environ.pop(SWEPT, None)
     if _parent is not None:
         _parent.finish(status)
     _parent = None

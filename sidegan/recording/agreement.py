@@ -1,6 +1,7 @@
 """Comparison of recorded torques with the arm's description: gravity, scale and sign."""
 
 import math
+from collections.abc import Sequence
 from itertools import permutations
 from typing import NamedTuple
 
@@ -43,7 +44,6 @@ class Agreement(NamedTuple):
 
     load: Load  # gravity and scales that explain the torques best
     order: Array  # joint whose described torque fits each measured one, (J,): itself, unless swapped
-    turned: bool  # whether the gravity differs from the description's
     positions: Map | None  # what recorded positions are, if others explain the torques far better
     columns: list[int] | None  # joint's column, in the arm's order, if all signals have another joint order
     moved: Array  # range of each joint [rad or m], (J,)
@@ -118,7 +118,7 @@ class Agreement(NamedTuple):
 
     def gravity(self, arm: Arm) -> str | None:
         """Warning about the gravity in these torques; None if it matches the description's."""
-        if not self.turned:
+        if np.array_equal(self.load.gravity, arm.gravity):
             return None
         if not self.load.gravity.any():
             return (
@@ -150,15 +150,16 @@ class Agreement(NamedTuple):
 
     def reversed(self, arm: Arm, driven: bool = False) -> str | None:
         """Warning about these joints."""
-        names = arm.named(self.runs_against(driven))
-        if not names:
+        against = self.runs_against(driven)
+        if not against.any():
             return None
+        names, remedy = arm.named(against), to_reverse(arm, against, self.settings.reverse)
         if self.convention:
             return (
                 f"the torque of {names} runs against the description, as far as the motion shows: does the "
-                f"driver count torques the other way? {to_reverse(names)}"
+                f"driver count torques the other way? {remedy}"
             )
-        return f"the torque of {names} runs against the description: is its sign wrong? {to_reverse(names)}"
+        return f"the torque of {names} runs against the description: is its sign wrong? {remedy}"
 
     def exchanged(self, arm: Arm) -> str | None:
         """Warning about joints whose torques or motions look swapped or reversed; None if there are none."""
@@ -190,9 +191,10 @@ class Agreement(NamedTuple):
         return warnings
 
 
-def to_reverse(names: str) -> str:
-    """The setting that reverses the torques of joints, as ``Arm.named`` lists them, in parentheses."""
-    return f"({suggestion('recording.reverse', names.split(', '))})"
+def to_reverse(arm: Arm, odd: Array, reverse: Sequence[str]) -> str:
+    """The setting that reverses the torques of marked joints, (J,), beside what is set, in parentheses."""
+    marked = zip(arm.joint_names, odd.tolist())
+    return f"({suggestion('recording.reverse', [name for name, x in marked if x != (name in reverse)])})"
 
 
 def to_currents() -> str:
@@ -215,7 +217,6 @@ def agreement_of(body: RigidBody, segments: list[Segment], settings: RecordingSe
         positions=positions,
         settings=settings,
         columns=_columns(body, positions, q, v, a, torque) if load.misfit > thresholds.LEFT_BY_MAP else None,
-        turned=not np.array_equal(load.gravity, body.arm.gravity),
         moved=np.ptp(q, 0),
         friction=_dissipated(model, v, a, torque),
         usual=np.quantile(np.abs(torque), thresholds.USUAL_TORQUE, 0),

@@ -44,7 +44,7 @@ def check_recording(
             better = agreement_of(body, rough, settings).positions
             doubt = better.text if better and better.text not in doubt else doubt
         raise RecordingError(f"{recording.name}: {doubt}")
-    refusals.refuse_idle(statistics, arm)
+    refusals.refuse_idle(statistics, arm, settings.without)
     refusals.refuse_jumps(recording, arm, statistics.gap)
     parts = [recording]
     repeated = None

@@ -1,7 +1,7 @@
 """Which columns of a file hold which signal, by configured patterns or by their names."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -45,10 +45,9 @@ class Joints:
         file: str,
         settings: RecordingSettings,
         joint_names: Sequence[str],
-        chain: Sequence[str],
-        sliding: Collection[str] = (),
+        chain: Mapping[str, bool],
     ) -> "Joints":
-        """The arm's joints in a file; ``chain`` also names locked joints between them, if there are any."""
+        """The arm's joints in a file; ``chain`` as in ``load_recording``, or empty."""
         own, whole = tuple(joint_names), tuple(chain or joint_names)
         named = tuple(settings.joints or whole)
         if len(named) not in (len(whole), len(own)):
@@ -57,7 +56,7 @@ class Joints:
                 f"{counted(len(own), 'joint')}: {', '.join(own)}"
             )
         places = map(whole.index, own) if len(named) == len(whole) else range(len(own))
-        return cls(named, tuple(places), own, tuple(name in sliding for name in own))
+        return cls(named, tuple(places), own, tuple(chain.get(name, False) for name in own))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -84,8 +83,9 @@ class Finder:
         self.only = only
         self.count = len(joints.places)
         self.effort = settings.effort
-        loads = {signal_of(column, self.effort) for column in self.available}
-        self.commanded = not {"torque", "current"} & loads  # whether torques are commanded ones, if any
+        self.loads = {name for name in ("torque", "current") if getattr(settings, name) is not None}
+        measured = {signal_of(column, self.effort) for column in self.available}
+        self.commanded = not self.loads & measured  # whether torques are commanded ones, if any
         self.series = series_of(self.available, joints.chain)
         self.numberings = self._numberings()
         self.numbering, *others = self._likeliest()
@@ -106,14 +106,14 @@ class Finder:
                     break
             else:
                 self._refuse_missing(signal)
-        loads = [name for name in ("torque", "current") if getattr(self.settings, name) is not None]
         remarks = []
-        if AUTO in (self.settings.torque or "") and any(map(is_commanded, where.get("torque", ()))):
+        automatic = AUTO in (self.settings.torque or "").split("|")
+        if automatic and any(map(is_commanded, where.get("torque", ()))):
             remarks.append(
                 f"torques are commanded ones, {listed(where['torque'])}, since none are measured: they lack "
                 "what the drives' controllers add"
             )
-        if not self.only and loads and not {"torque", "current"} & {*where}:
+        if not self.only and self.loads and not {"torque", "current"} & {*where}:
             like = "no column like 'tau{index}' or 'effort.{joint}'"
             raise RecordingError(
                 f"{self.file} has no torque or current: {like}; it has {self._has()}"
@@ -240,7 +240,7 @@ class Finder:
         has = f"the arm has {counted(self.count, 'joint')}"
         unused = f"not used: {listed(left)}; "
         zero = {s: p for s, p in patterns.items() if lefts[s] and "{index0}" in p}
-        if not self.ambiguous or AUTO not in self.settings.position or not zero:
+        if not self.ambiguous or AUTO not in self.settings.position.split("|") or not zero:
             return [unused + has]
         other = " ".join(_typed(s, p.replace("{index0}", "{index}")) for s, p in zero.items())
         return [f"{unused}joints are counted from 0, and {has}; if the first joint is number 1: {other}"]
@@ -277,7 +277,8 @@ class Finder:
             offers = self._offers(signal)
             return offers if offers or partial or self.only else self._another_file("effort")
         if signal in ("torque", "current"):
-            return f"; joints that do not move can be left out: {suggestion('recording.without', joints)}"
+            without = suggestion("recording.without", [*self.settings.without, *joints])
+            return f"; joints that do not move can be left out: {without}"
         return f"; to derive it instead: {suggestion(f'recording.{signal}', None)}"
 
     def _another_file(self, has: str) -> str:

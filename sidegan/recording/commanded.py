@@ -10,6 +10,7 @@ import pandas as pd
 import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
+from sidegan.base.names import counted
 from sidegan.base.settings_text import suggestion
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
@@ -79,10 +80,12 @@ def load_commanded(path: Path, joint_names: Sequence[str], coupling: Array) -> l
     for file in commanded_files(path):
         with reading(file, "CSV", RecordingError):
             table = pd.read_csv(file)
-        columns = ["time", *(f"q_{name}" for name in joint_names)]
-        if missing := [name for name in columns if name not in table]:
-            raise RecordingError(f"{file} has no column {', '.join(missing)}: is it for this arm?")
-        values = table[columns].to_numpy(np.float64)
+            columns = ["time", *(f"q_{name}" for name in joint_names)]
+            if missing := [name for name in columns if name not in table]:
+                raise RecordingError(f"{file} has no column {', '.join(missing)}: is it for this arm?")
+            values = table[columns].to_numpy(np.float64)
+        if len(values) < 2:
+            raise RecordingError(f"{file} has {counted(len(values), 'row')}, expected a trajectory")
         found.append(Commanded(file.stem, values[:, 0], values[:, 1:] @ coupling.T))
     return found
 

@@ -1,7 +1,7 @@
 """Recordings in SI units, read from files."""
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,18 +40,17 @@ def load_recording(
     files: Recorded | Path,
     settings: RecordingSettings,
     joint_names: Sequence[str],
-    chain: Sequence[str] = (),
-    sliding: Collection[str] = (),
+    chain: Mapping[str, bool] | None = None,
 ) -> Recording:
     """A recording of an arm's joints, from one file or from a file per signal.
 
     Files are CSV (first line: column names), Parquet, JSON, NPZ, HDF5, MATLAB, ROS 2 bags (folder, .db3,
     .mcap) or LeRobot datasets (folder). ``chain`` names the arm's joints and those locked between them, from
-    the base outwards; empty if none are locked. ``sliding`` names prismatic joints. Positions of the others
-    are unwrapped where they jump by a turn. Rows at rest with the drives off are removed.
+    the base outwards, and says which are prismatic; None: none of either. Positions of the others are
+    unwrapped where they jump by a turn. Rows at rest with the drives off are removed.
     """
     name = recording_name(files)
-    joints = Joints.of(name, settings, joint_names, chain, sliding)
+    joints = Joints.of(name, settings, joint_names, chain or {})
     sources: list[tuple[str | None, Path]] = [(None, Path(paths_of(files)[0]))]  # signal of interest, file
     if isinstance(files, Files):
         paths = files.signals(settings.effort).items()

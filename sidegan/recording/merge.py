@@ -59,6 +59,8 @@ def merge(parts: Sequence[ClockedSignals]) -> ClockedSignals:
         for name, x in part.signals.items()
     }
     whole = np.isfinite(np.concatenate([*signals.values()], 1)).all(1)
+    if not whole.any():
+        raise RecordingError(f"{listed([part.file for part in parts])} have no time in common but in gaps")
     others = [part.file for part in parts if not np.isin(time[whole], part.time).all()]
     remarks += [f"{listed(others)}: interpolated at the time stamps of {fastest.file}"] if others else []
     lost = max(max(begin - part.time[0], part.time[-1] - end) for part in parts)

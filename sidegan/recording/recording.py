@@ -1,7 +1,7 @@
 """A raw recording, and its segments after preprocessing."""
 
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
 
 from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
@@ -33,6 +33,11 @@ class Recording:
         """Recorded signals by name, (S, J) each."""
         signals = {name: getattr(self, name) for name in SIGNALS}
         return {name: x for name, x in signals.items() if x is not None}
+
+    def take(self, rows: Array | slice | list[int]) -> "Recording":
+        """Some of its samples."""
+        signals: dict[str, Any] = {name: x[rows] for name, x in self.signals().items()}
+        return replace(self, time=self.time[rows], **signals)
 
     @property
     def load(self) -> Literal["torque", "current"]:

@@ -113,8 +113,11 @@ def _reaches(position: Signal, arm: Arm, far: Array) -> str:
     return f"{arm.joint_names[j]} reaches {reach:.4g} {unit}, its limit is {limit:.4g} {unit}"
 
 
-def refuse_idle(statistics: Statistics, arm: Arm) -> None:
-    """Refuse a recording without motion or torque, or with constant rates of moving joints."""
+def refuse_idle(statistics: Statistics, arm: Arm, without: Sequence[str]) -> None:
+    """Refuse a recording without motion or torque, or with constant rates of moving joints.
+
+    ``without`` is that setting, which messages add to.
+    """
     file, signals = statistics.name, statistics.signals
     span = signals["position"].upper - signals["position"].lower
     if (span < thresholds.MOVED).all():
@@ -129,7 +132,7 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
     if signal.constant.any():
         raise RecordingError(
             f"{file}: the {name} of {arm.named(signal.constant)} is blank or constant over the whole "
-            f"recording; {without_torque(arm, signal.constant, span >= thresholds.MOVED)}"
+            f"recording; {without_torque(arm, signal.constant, span >= thresholds.MOVED, without)}"
         )
     for rate in [name for name in ("velocity", "acceleration") if name in signals]:
         dead = signals[rate].constant & (span >= thresholds.MOVED)
@@ -140,10 +143,11 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
             )
 
 
-def without_torque(arm: Arm, lacking: Array, moving: Array) -> str:
+def without_torque(arm: Arm, lacking: Array, moving: Array, without: Sequence[str]) -> str:
     """How to identify an arm without the torques of some joints, of which some move, (J,) marked each."""
     joints = arm.named(lacking)
-    still = suggestion("recording.without", [arm.joint_names[j] for j in np.flatnonzero(lacking)])
+    names = [arm.joint_names[j] for j in np.flatnonzero(lacking)]
+    still = suggestion("recording.without", [*without, *names])
     first = int(lacking.argmax())
     if not (lacking & moving).any():
         return f"a joint that never moves can be left out: {still}"
@@ -218,9 +222,8 @@ def refuse_overload(
     else:
         suspicion = "is it in N·m, and the joint order right? (a current is named by recording.current)"
     joints = zip(arm.joint_names, agreement.usual.tolist(), (share > most).tolist())
-    limits = ", ".join(f"{name}: {math.ceil(usual)}" for name, usual, far in joints if far)
+    raised = suggestion("robot.limits.effort", {name: math.ceil(usual) for name, usual, far in joints if far})
     raise RecordingError(
         f"{statistics.name}: the torque of {arm.joint_names[j]} reaches {agreement.usual[j]:.4g} {unit}, "
-        f"{share[j]:.3g} times {than}: {suspicion}; if the arm can do that, raise its limits: "
-        f"'robot.limits.effort={{{limits}}}'"
+        f"{share[j]:.3g} times {than}: {suspicion}; if the arm can do that, raise its limits: {raised}"
     )

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -66,7 +65,8 @@ def remove_glitches(recording: Recording, speed: Array) -> Recording:
     remark = (
         f"the position of {joints} jumps and returns at {times} s: {counted(len(rows), 'sample')} left out"
     )
-    return _only(recording, np.delete(np.arange(len(time)), rows), remark)
+    left = recording.take(np.delete(np.arange(len(time)), rows))
+    return replace(left, remarks=(*recording.remarks, remark))
 
 
 def remove_undriven(recording: Recording) -> Recording:
@@ -84,18 +84,9 @@ def remove_undriven(recording: Recording) -> Recording:
             lost += time[end] - time[begin]
     if kept.all() or not kept.any():
         return recording
-    rows = np.flatnonzero(kept)
-    whole = len(rows) == rows[-1] - rows[0] + 1  # a view needs no copy
-    part = slice(rows[0], rows[-1] + 1) if whole else rows
     first = time[np.argmin(kept)]
     remark = (
         f"from {first:.6g} s no {recording.load} changes while the arm rests, as if drives were off: "
         f"{counted(int((~kept).sum()), 'row')}, {lost:.3g} s, left out"
     )
-    return _only(recording, part, remark)
-
-
-def _only(recording: Recording, rows: Array | slice, remark: str) -> Recording:
-    """Some rows of a recording, with a remark on the others."""
-    signals: dict[str, Any] = {name: x[rows] for name, x in recording.signals().items()}
-    return replace(recording, time=recording.time[rows], remarks=(*recording.remarks, remark), **signals)
+    return replace(recording.take(kept), remarks=(*recording.remarks, remark))

@@ -134,7 +134,8 @@ def _signals(
     if recording.load == "current":
         if gains is None:
             raise RecordingError(
-                f"{recording.name} has currents but no torque; set the drive gains [N·m/A] by robot.gains"
+                f"{recording.name} has currents but no torque; set the drive gains [N·m/A] by "
+                f"{setting_name('robot.gains')}"
             )
         if len(gains) != len(names):
             raise RecordingError(

@@ -39,12 +39,12 @@ class RecordingSettings:
     units: Units = Units()
     joints: list[Text] | None = None  # the file's joint names, in the arm's order; null: the arm's
     # joints without a torque, which stand still and are locked where they stand
-    without: list[str] = field(default_factory=list)
+    without: list[Text] = field(default_factory=list)
     topic: str | None = None  # of a bag; null: the only topic of joint states
     effort: Literal["torque", "current"] = "torque"  # meaning of effort in files
     rate: Hertz | None = None  # sampling rate [Hz] of files without time stamps
     # joints whose torque or current has the opposite sign
-    reverse: list[str] = field(default_factory=list)
+    reverse: list[Text] = field(default_factory=list)
     # joints whose position is a sum of columns: {joint: {column: factor}}, columns named like joints
     coupling: Rows | None = None
     torque_coupling: Rows | None = None  # the same for torques; null: those of ``coupling``, by virtual work
@@ -90,7 +90,7 @@ class RecordingSettings:
 class Files:
     """Files of one recording, each with a signal and its time stamps."""
 
-    position: str
+    position: Annotated[str, Field(min_length=1)]
     velocity: str | None = None
     acceleration: str | None = None
     torque: str | None = None

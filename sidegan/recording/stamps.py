@@ -61,7 +61,7 @@ def _dates(values: Any) -> Array | None:
     elif pd.api.types.is_timedelta64_dtype(series):
         found = series
     elif (
-        isinstance(next(iter(series), None), str)
+        isinstance(next(iter(series.dropna()), None), str)
         and pd.to_numeric(series, errors="coerce").isna().mean() > thresholds.MOST_DATES
     ):
         texts = series.astype(str).str.replace(",", ".")

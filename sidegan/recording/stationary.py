@@ -17,21 +17,21 @@ from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 
 
-def chain_names(arm: Arm) -> tuple[str, ...]:
-    """Names of an arm's joints and of locked ones between them, from the base outwards."""
+def chain_joints(arm: Arm) -> dict[str, bool]:
+    """An arm's joints and locked ones between them, from the base outwards: whether each is prismatic."""
     if not arm.setup.locked:
-        return arm.joint_names
+        return dict(zip(arm.joint_names, arm.prismatic.tolist()))
     tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
     wanted = {*arm.joint_names, *arm.setup.locked}
-    paths = [[joint.name for joint in tree.path(tree.joints[name].child)] for name in wanted]
-    longest = max((path for path in paths if arm.joint_names[-1] in path), key=len)
-    return tuple(name for name in longest if name in wanted)
+    paths = [tree.path(tree.joints[name].child) for name in wanted]
+    last = tree.joints[arm.joint_names[-1]]
+    longest = max((path for path in paths if last in path), key=len)
+    return {joint.name: joint.kind == "prismatic" for joint in longest if joint.name in wanted}
 
 
 def load_for(arm: Arm, files: Recorded, settings: RecordingSettings) -> Recording:
     """A recording of an arm; see ``load_recording``."""
-    sliding = [name for name, slides in zip(arm.joint_names, arm.prismatic.tolist()) if slides]
-    return load_recording(files, settings, arm.joint_names, chain_names(arm), sliding)
+    return load_recording(files, settings, arm.joint_names, chain_joints(arm))
 
 
 def refuse_elsewhere(arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettings) -> None:
@@ -42,14 +42,14 @@ def refuse_elsewhere(arm: Arm, recordings: Iterable[Recorded], settings: Recordi
     Raises:
         RecordingError: with the place of the joint.
     """
-    chain = chain_names(arm)
+    chain = chain_joints(arm)
     locked = {k: name for k, name in enumerate(chain) if name not in (*arm.joint_names, *settings.without)}
     if not locked:
         return
-    only = replace(settings, velocity=None, acceleration=None, torque=None, current=None, without=[])
+    only = replace(settings, velocity=None, acceleration=None, torque=None, current=None)
     for files in recordings:
         try:
-            recording = load_recording(files, only, chain, chain)
+            recording = load_recording(files, only, [*chain], chain)
         except RecordingError:  # it has no positions of locked joints
             continue
         for place, name in locked.items():
@@ -85,6 +85,6 @@ def stationary_positions(
                 raise RecordingError(
                     f"{recording.name}: {name} is left out (recording.without), but moves from {low:.4g} to "
                     f"{high:.4g} rad or m, and a joint without torque must stay at one position in all "
-                    f"recordings: {without_torque(arm, lacking, lacking)}"
+                    f"recordings: {without_torque(arm, lacking, lacking, [])}"
                 )
     return dict(zip(settings.without, ((lower + upper) / 2).tolist()))

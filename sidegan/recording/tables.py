@@ -14,6 +14,7 @@ import pandas as pd
 
 from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
+from sidegan.base.names import dotted
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
 from sidegan.recording.column_names import stamps_of
@@ -132,7 +133,7 @@ def json_table(path: Path) -> Table:
     except ValueError:
         content = text.split("\n")
     if isinstance(content, dict):
-        return _of_arrays(dict(_fields(content)))
+        return _of_arrays(_arrays(content))
     for row, line in enumerate(content, 1):
         try:
             found.append(dict(_leaves(json.loads(line) if isinstance(line, str) else line, "")))
@@ -171,7 +172,7 @@ def mat_table(path: Path) -> Table:
         if file.read(10) == b"MATLAB 7.3":
             return hdf5_table(path)
     content = scipy.io.loadmat(path, simplify_cells=True)
-    return _of_arrays({name: x for name, x in _fields(content) if not name.startswith("__")})
+    return _of_arrays({name: x for name, x in _arrays(content).items() if not name.startswith("__")})
 
 
 def hdf5_table(path: Path) -> Table:
@@ -189,13 +190,9 @@ def hdf5_table(path: Path) -> Table:
     return _of_arrays(arrays)
 
 
-def _fields(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Names and arrays of a structure and of nested ones."""
-    for name, value in content.items():
-        if isinstance(value, dict):
-            yield from _fields(value, f"{prefix}{name}.")
-        elif np.ndim(value):
-            yield f"{prefix}{name}", np.asarray(value)
+def _arrays(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Arrays of a structure and of nested ones, by dotted names."""
+    return {name: np.asarray(x) for name, x in dotted(content).items() if np.ndim(x)}
 
 
 def _of_arrays(arrays: Mapping[str, Any]) -> Table:

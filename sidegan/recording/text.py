@@ -57,9 +57,9 @@ def text_table(path: Path) -> Table:
             f"{path} begins with numbers, expected a header line of column names: add one, such as "
             "t,q1,q2,tau1,tau2"
         )
+    names = [name or f"column {i + 1}" for i, name in enumerate(names)]
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column name occurs twice: {', '.join(names)[:100]!r}")
-    names = [name or f"column {i + 1}" for i, name in enumerate(names)]
     units = _fields(lines[1], separator) if lines[1:] else []
     stated = are_units(units)
     table = _text_rows(path, names, first=skipped + 2 + stated, **form)

@@ -21,7 +21,6 @@ from sidegan.errors import ConfigError, SideganError
 from sidegan.identification import GoalSettings, Terms
 from sidegan.identification.goals import Uncertain, uncertainty_of_description, usual_torque
 from sidegan.identification.model import TorqueModel
-from sidegan.library.measure import library_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.steps.trajectories import TrajectorySet
@@ -69,10 +68,8 @@ def excite(
     aim = aim_of(cell, settings, settings_of(Terms, model), known)
     effort = settings_of(SearchSettings, search)
     c = design_set(cell.problem, aim, settings.count, effort, number(seed, "excite"))
-    made = TrajectorySet(
-        cell, library_of(cell.constraints, cell.trajectory, c, "excite"), cell.trajectory, aim
-    )
-    return replace(made, library=made.library.take(made.energy().argsort(kind="stable")))
+    made = TrajectorySet.of(cell, c, "excite")
+    return replace(made[made.energy().argsort(kind="stable")], aim=aim)
 
 
 def aim_of(

@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array, numbers
+from sidegan.base.arrays import Array
 from sidegan.base.storage import path_of, writing
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
-from sidegan.errors import ConfigError, InfeasibleError, ShapeError
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.identification import EstimationSettings, Terms
 from sidegan.identification.identified import IdentifiedArm
 from sidegan.identification.workflow import identify_arm
@@ -92,14 +92,10 @@ class IdentifiedModel:
         Raises:
             ShapeError: when the states do not have equal shapes (…, J).
         """
-        states = [numbers(x, "states") for x in (q, dq, ddq)]
-        joints = self.arm.model.joints
-        shape = states[0].shape
-        if any(x.shape != shape or x.shape[-1:] != (joints,) for x in states):
-            shapes = ", ".join(str(x.shape) for x in states)
-            raise ShapeError(f"states are {shapes}, expected three times (…, {joints})")
-        rows = [x.reshape(-1, joints) for x in states]
-        return self.arm.model.torque(self.arm.used.parameters, *rows).reshape(shape)
+        model = self.arm.model
+        states = model.body.checked(q, dq, ddq)
+        rows = [x.reshape(-1, model.joints) for x in states]
+        return model.torque(self.arm.used.parameters, *rows).reshape(states[0].shape)
 
     def save(self, folder: str | Path) -> None:
         """Write model, URDF, MJCF, a standalone Python class, a C header, tables, verdict and report.
@@ -183,7 +179,6 @@ def check_recordings(
         if not first:
             raise ConfigError("recordings is empty, expected files or tables of the arm")
         arm = recorded_arm(cell, [*first, *held_out], settings)
-        refuse_elsewhere(arm, [*first, *held_out], settings)
         training, validated = read_groups(
             arm, first, held_out, "validation", settings, gains, sign_width, f"{folder}/"
         )
@@ -215,6 +210,7 @@ def read_groups(
     Raises:
         RecordingError: when a recording cannot be read or used, or two share samples; names it.
     """
+    refuse_elsewhere(arm, [*training, *others], settings)
     files: list[tuple[Recorded, Role]] = [(file, "training") for file in training]
     files += [(file, role) for file in others]
     found = read_and_check(files, arm, settings, gains, sign_width, folder)

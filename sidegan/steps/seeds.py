@@ -61,15 +61,13 @@ def seeds(
 
 def _chosen(settings: Seeds | Mapping[str, Any] | None) -> Seeds:
     """Settings as given, with the defaults of their method; a ConfigError if they are wrong."""
-    given = {} if settings is None else settings
-    method = given.get("method", "gradient") if isinstance(given, Mapping) else getattr(given, "method", None)
-    if method == "published":
+    if settings is None or isinstance(settings, Mapping):
+        chosen = seeds_recipe(**(settings or {}))
+    else:
+        chosen = settings_of(Seeds, settings)
+    if chosen.method == "published":
         raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
-    return (
-        seeds_recipe(**{"method": method, **given})
-        if isinstance(given, Mapping)
-        else settings_of(Seeds, given)
-    )
+    return chosen
 
 
 def optimised(cell: Cell, settings: Seeds, seed: int, work: Path, workers: int | None) -> SeedBatch:

@@ -77,7 +77,10 @@ class Constraints:
         planes = [r for r, region in enumerate(regions) if isinstance(region, Plane)]
         self._region_of = [*range(len(regions)), *planes]
         kept_out = (*regions, *(regions[r].grown(-clearance) for r in planes))
-        rest = clearance - self.apart / 2  # shapes are already inflated by the other part
+        # Capsules are inflated for regions, too, but no region is shrunk: its corners would come too close.
+        inflated = min(clearance, self.apart / 2)
+        self._outer = arm.capsules.radius + inflated
+        rest = clearance - inflated
         self.kept_out = [region.grown(rest) if rest else region for region in kept_out]
         heavy = bool(arm.inertial_parameters.any())  # otherwise torques are unknown
         self.torque = torque and heavy and bool(np.isfinite(arm.torque_limit).any())
@@ -167,7 +170,7 @@ class Constraints:
 
     def _shapes_of(self, pairs: Array, guarded: Array) -> Shapes:
         closer = self.apart - self.gaps if len(pairs) else None
-        return kernel_shapes(self._thick.capsules, pairs, guarded, tables(self.kept_out), closer)
+        return kernel_shapes(self._thick.capsules, pairs, guarded, tables(self.kept_out), closer, self._outer)
 
     def described(self) -> str:
         """What is checked and what is not, in one line for people."""

@@ -1,7 +1,7 @@
 """Keep-out regions of the workspace, in world coordinates: half spaces, boxes, spheres and convex bodies."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy  # submodules load lazily
@@ -48,7 +48,8 @@ class Plane:
 
     def grown(self, by: float) -> "Plane":
         """The region with its surface moved outwards by a distance [m]."""
-        return replace(self, offset=self.offset + by)
+        x, y, z = self.unit
+        return Plane((x, y, z), self.offset + by)
 
 
 @dataclass(frozen=True)

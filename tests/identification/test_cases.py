@@ -141,7 +141,7 @@ FAULTS = {
     "a contact": (touching, BAD, "from 6.", "s of changed", "joint_3"),
     "a contact, at a quarter": (lambda x: scaled(*[0.25] * 7)(touching(x)), BAD, "0.25 (joint_1)"),
     "a drift": (drifting, USABLE, "changed", "joint_4 by 1"),
-    "rotors": (of_motors, BAD, "model=motor_current", "e-05 instead"),
+    "rotors": (of_motors, BAD, "model.rotor_inertia=true", "e-05 instead"),
     "a zero": (zeros(0, 0.3, 0, 0, 0, 0, 0), BAD, "encoder zero", "joint_2 by +0.3", "be 0.000"),
     "two zeros": (zeros(0, 0.3, 0, -0.2, 0, 0, 0), BAD, "joint_2 by +0.3", "joint_4 by -0.2"),
     "zeros that nothing shows": (zeros(0.3, 0, 0, 0, 0, 0, 0.3), GOOD, "mean nMSE"),

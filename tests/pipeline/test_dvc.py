@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from importlib import import_module
 from pathlib import Path
 from string import Template
 
@@ -105,7 +106,9 @@ def test_every_stage_makes_its_outputs_and_depends_on_what_they_are_made_from(pi
         assert set().union(*(inputs[name] for name in own)) <= known
 
 
-def test_every_command_composes_valid_settings(pipeline):
-    commands = (command for stage in pipeline[1]["stages"].values() for command in stage["cmd"])
+def test_every_command_composes_valid_settings_or_runs_a_module_that_imports(pipeline):
+    commands = [command for stage in pipeline[1]["stages"].values() for command in stage["cmd"]]
+    for module in re.findall(r"-m (experiments\.\w+)", " ".join(commands)):
+        import_module(module)
     for words in (shlex.split(command) for command in commands if "sidegan.run" in command):
         validate(composed(*(word for word in words[words.index("sidegan.run") :] if "=" in word)))

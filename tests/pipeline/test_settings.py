@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
-from sidegan.base.conf import CONF
+from sidegan.base.conf import CONF, options
 from sidegan.base.names import dotted
 from sidegan.errors import ConfigError
 from sidegan.gan.settings import variant_recipe
@@ -24,14 +24,10 @@ def configured(*overrides, experiment="reproduction"):
     return validate(tiny.composed(f"+experiment={experiment}", *overrides))
 
 
-def options(group):
-    return sorted(path.stem for path in (CONF / group).glob("[!_]*.yaml"))
-
-
 GROUPS = {  # options of groups, in an experiment that has them
     "training": ["gan", "seeds", "surrogates"],
     "payload": ["robot", "recording", "model"],
-    "exp1": ["selection", "plants"],
+    "exp1": ["plants"],
     "excite": ["workspace"],
 }
 TOGETHER = [("training", (f"condition={name}",)) for name in options("condition")] + [

@@ -9,11 +9,13 @@ import pandas as pd
 import pytest
 
 import sidegan
+from experiments import reproduction
 from experiments.artifacts import Artifacts, comparison
 from experiments.exp1 import table1
 from experiments.generality import beside_seeds
 from sidegan.base.arrays import flatten
 from sidegan.base.storage import write_json
+from sidegan.errors import ConfigError
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.run import run_stages
@@ -22,6 +24,7 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import library, pools, selection
 from sidegan.pipeline.store import Store
 from sidegan.validity import check
+from tests.refusals import refused
 from tests.tiny import TINY, tiny
 
 
@@ -112,6 +115,17 @@ def test_the_page_finds_the_artifacts_of_every_condition(outputs, tmp_path):
     assert both["gradient"].cfg.seeds.method == "gradient"
     assert [made.cfg.condition.name for made in both.values()] == list(both) == ["ours", "gradient"]
     assert all(made.seeds["condition"] > 1 for made in both.values())
+
+
+def test_conditions_with_the_same_settings_and_rows_that_do_not_compose_are_refused(outputs):
+    """A seed of the command is that of both conditions."""
+    words = "+experiment=reproduction", *TINY, "seed=3", "condition=ours"
+    both = composed(*words, "conditions=[ours,ours_again]")
+    with refused(ConfigError, "ours", "ours_again", "same settings"):
+        reproduction.check(RunContext(both, Store(outputs), words))
+    words = "+experiment=ablation", "gan.eigen.epochs=2"
+    with refused(ConfigError, "untrained", "gan.eigen"):
+        measures.variations(RunContext(composed(*words), Store(outputs), words))
 
 
 FOREIGN = "long.", "plants.", "selection.", "robot=", "seeds=", "tracking="

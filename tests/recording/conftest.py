@@ -1,5 +1,4 @@
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,12 +61,6 @@ def moved(arm, time, viscous, coulomb, generator, harmonics=5, period=10.0, nois
     return Recording("made", arm.joint_names, t[:, 0, 0], q, velocity=v, torque=torque + error)
 
 
-def part_of(recording, rows):
-    """Some samples of a recording, a slice or a list of numbers."""
-    signals = {name: x[rows] for name, x in recording.signals().items()}
-    return replace(recording, time=recording.time[rows], **signals)
-
-
 @pytest.fixture(scope="session")
 def clock():
     """20 s at about 100 Hz, with a tenth of a step of jitter."""
@@ -83,4 +76,4 @@ def recording(planar, clock):
 @pytest.fixture(scope="session")
 def made(recording):
     """Its first 200 samples."""
-    return part_of(recording, slice(200))
+    return recording.take(slice(200))

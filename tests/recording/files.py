@@ -37,7 +37,9 @@ def named(recording, time="t", q="q{n}", tau="tau{n}", **more):
 def read(folder, table, joints=JOINTS, sliding=(), **changes):
     """A table as it is read from a file."""
     table.to_csv(folder / "a.csv", index=False)
-    return load_recording(folder / "a.csv", of_file(**changes), joints, sliding=sliding)
+    return load_recording(
+        folder / "a.csv", of_file(**changes), joints, {name: name in sliding for name in joints}
+    )
 
 
 def assert_same(found, made, signals=("position", "torque"), start=0, late=2e-6):

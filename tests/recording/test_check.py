@@ -20,7 +20,7 @@ from sidegan.recording.read import read_and_check
 from sidegan.recording.recording import Recording
 from sidegan.robot import Limits, Setup, load_robot
 from tests.chains import random_states
-from tests.recording.conftest import moved, of_file, part_of, recorded
+from tests.recording.conftest import moved, of_file, recorded
 from tests.recording.files import frame
 from tests.refusals import refused
 
@@ -101,7 +101,7 @@ def test_a_frozen_torque_sensor_is_reported(planar, recording):
     rows = [k for k in range(2000) if not 600 <= k < 1900]
     warnings, *others = (
         [w for w in check_recording(changed, planar, of_file()).warnings if "is frozen" in w]
-        for changed in (frozen, still, part_of(frozen, rows))
+        for changed in (frozen, still, frozen.take(rows))
     )
     assert "the torque of elbow is frozen from 6.00 s to 18.99 s, although the joint moves" in warnings[0]
     assert others == [[], []]

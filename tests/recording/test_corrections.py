@@ -1,6 +1,7 @@
 """What is corrected or merged when a recording is read, with a remark on it."""
 
 import re
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +13,12 @@ from sidegan.recording.check import check_recording
 from sidegan.recording.load import load_recording
 from sidegan.recording.read import read_and_check
 from sidegan.recording.settings import Files
-from sidegan.recording.stationary import chain_names, stationary_positions
+from sidegan.recording.stationary import chain_joints, refuse_elsewhere, stationary_positions
 from sidegan.robot import Setup, load_robot
 from tests.recording.conftest import of_file
 from tests.recording.files import JOINTS, assert_same, named, read, table
 from tests.refusals import refused
+from tests.robot.urdf import joint, link, more, two_joints
 
 DEGREES = 180 / np.pi
 
@@ -113,12 +115,33 @@ def test_signal_files_that_do_not_match_are_refused(made, tmp_path, about, chang
         several(tmp_path, made, change)
 
 
+def test_files_of_which_one_pauses_while_the_other_runs_are_refused(recording, tmp_path):
+    whole, files = table(recording), Files(str(tmp_path / "q.csv"), torque=str(tmp_path / "tau.csv"))
+    pd.concat([whole[:500], whole[1500:]])[["t", "q1", "q2"]].to_csv(files.position, index=False)
+    whole[800:1200][["t", "tau1", "tau2"]].to_csv(files.torque, index=False)
+    with refused(RecordingError, "q.csv", "tau.csv"):
+        load_recording(files, of_file(), JOINTS)
+
+
 def test_a_joint_without_torque_is_locked_at_its_position(recording, tmp_path, planar):
     named(recording).assign(q1=0.3).drop(columns="tau1").to_csv(tmp_path / "a.csv", index=False)
     path, settings = str(tmp_path / "a.csv"), of_file(without=["shoulder"])
     arm = load_robot("planar2", Setup(locked=stationary_positions(planar, [path], settings)))
     (found,) = read_and_check([(path, "training")], arm, settings)
-    assert "shoulder is locked and left out, at 0.3" in found.warnings and chain_names(arm) == JOINTS
+    assert "shoulder is locked and left out, at 0.3" in found.warnings and [*chain_joints(arm)] == [*JOINTS]
     np.testing.assert_allclose(found.statistics.signals["position"].upper, recording.position[:, 1:].max(0))
     with refused(RecordingError, "elbow", "(recording.without)"):
         stationary_positions(planar, [path], of_file(without=["elbow"]))
+
+
+def test_a_locked_rail_may_be_recorded_in_millimetres(recording, tmp_path):
+    text = more(two_joints(), link("rail"), joint("slide", "rail", "base", kind="prismatic"))
+    (tmp_path / "a.urdf").write_text(text)
+    arm = load_robot(str(tmp_path / "a.urdf"), Setup(locked={"slide": 0.3}))
+    assert chain_joints(arm) == {"slide": True, "first": False, "second": False}
+    columns = {"q_first": "q1", "q_second": "q2", "tau_first": "tau1", "tau_second": "tau2"}
+    named = pd.DataFrame({new: table(recording)[old] for new, old in {"t": "t", **columns}.items()})
+    for place, elsewhere in ((300.0, False), (350.0, True)):
+        named.assign(**{"q_slide [mm]": place}).to_csv(tmp_path / "a.csv", index=False)
+        with refused(RecordingError, "slide", "0.3", "0.35") if elsewhere else nullcontext():
+            refuse_elsewhere(arm, [str(tmp_path / "a.csv")], of_file())

@@ -9,7 +9,7 @@ import scipy
 from sidegan.errors import RecordingError
 from sidegan.recording.grid import low_pass
 from sidegan.recording.overlap import digests_of, refuse_shared, same_run
-from tests.recording.conftest import moved, part_of
+from tests.recording.conftest import moved
 
 
 def made(planar, seed):
@@ -32,8 +32,8 @@ def refusal(first, second):
 
 def test_shared_samples_are_found_despite_another_clock(original, planar):
     assert refusal(original, original)
-    middle = part_of(original, slice(1000, 1200))
-    other = part_of(made(planar, 1), slice(0, 1500))
+    middle = original.take(slice(1000, 1200))
+    other = made(planar, 1).take(slice(0, 1500))
     columns = {name: np.concatenate([x, middle.signals()[name]]) for name, x in other.signals().items()}
     both = replace(other, time=np.concatenate([other.time, 7 + middle.time]), **columns)
     assert "b holds samples of a, from 12 s to 12.995 s" in refusal(original, both)
@@ -63,7 +63,7 @@ def test_different_motion_noise_or_rest_is_not_reported_as_shared(original, plan
 
 def again(recording, change=lambda x: x, rows=slice(None), decimals=4):
     """Some rows of changed torques, rounded, with a clock from zero."""
-    part = part_of(replace(recording, torque=change(recording.torque).round(decimals)), rows)
+    part = replace(recording, torque=change(recording.torque).round(decimals)).take(rows)
     return replace(part, time=part.time - part.time[0])
 
 

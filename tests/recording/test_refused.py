@@ -15,7 +15,7 @@ from sidegan.recording.load import load_recording
 from sidegan.recording.settings import Files
 from sidegan.robot import load_robot
 from tests.recording import files
-from tests.recording.conftest import of_file, part_of
+from tests.recording.conftest import of_file
 from tests.refusals import refused
 
 PLANAR = load_robot("planar2")
@@ -101,6 +101,7 @@ FILES = {  # how a file is written, how it is read, and what the message names
     "no position of a joint": (without("q2"), {}, "a.csv 'q2'"),
     "positions of many more": (twice(q3="q1", q4="q1", q5="q2"), {}, 'recording.position="q{index}"'),
     "no torque of a joint": (without("tau2"), {}, "'tau2' recording.without"),
+    "no torque of another": (without("tau2"), {"without": ["1"]}, '\'tau2\' recording.without= "1" "2"'),
     "no stamps": (without("t"), {}, "'t' recording.rate=1000"),
     "two times": (twice(time="t"), {}, "'time' recording.time=t"),
     "two positions": (twice(q_1="q1", q_2="q2"), {}, "'q_{index}' recording.position"),
@@ -120,6 +121,7 @@ FILES = {  # how a file is written, how it is read, and what the message names
     "a row for each joint": (files.written(by_joint), {}, "columns='joint'"),
     "ragged lists": (ragged, {}, "q"),
     "a short array": (files.arrays(q=np.ones((3, 2))), ARRAYS, "t has 200 q has 3"),
+    "commanded ones": (renamed(tau1="tau_cmd1", tau2="tau_cmd2"), {"torque": "tau{index}"}, "'tau1'"),
     "a wide array": (files.arrays(q=np.ones((200, 3))), ARRAYS, "'q' 2 joints"),
     "a cube": (files.arrays(q=np.zeros((200, 2, 2))), ARRAYS, "a.npz q"),
     "objects": (files.arrays(q=np.array([{}] * 200)), ARRAYS, "a.npz"),
@@ -173,7 +175,7 @@ def of_elbow(signal, change):
 
 
 def first(samples):
-    return lambda recording: part_of(recording, slice(samples))
+    return lambda recording: recording.take(slice(samples))
 
 
 def as_it_is(recording):
@@ -208,7 +210,7 @@ def lost(samples):
 
 def missing(recording):
     """Rows were lost, and a clock was counted afterwards."""
-    rest = part_of(recording, np.flatnonzero(~lost(59)))
+    rest = recording.take(np.flatnonzero(~lost(59)))
     return replace(rest, time=recording.time[: len(rest.time)])
 
 
@@ -297,7 +299,7 @@ def test_suspicious_recordings_are_warned_about(recording, words, change):
 def test_positions_that_jump_and_return_are_left_out(recording, samples):
     at = lost(samples)
     zeros = replace(recording, position=np.where(at[:, None], 0.0, recording.position))
-    found, clean = check(zeros), check(part_of(recording, np.flatnonzero(~at)))
+    found, clean = check(zeros), check(recording.take(np.flatnonzero(~at)))
     for words in ("elbow", f"{recording.time[701]:.6g}", f"{samples} sample"):
         assert words in found.warnings[0]
     assert found.warnings[1:] == clean.warnings

@@ -66,7 +66,7 @@ def test_a_saved_model_has_its_report_and_aims_the_next_set(cell, model, tmp_pat
 def test_states_that_do_not_fit_a_model_are_refused(model):
     with refused(ShapeError, "(3,)"):
         model.torque(*np.zeros((3, 3)))
-    with refused(ShapeError, "states"):
+    with refused(ShapeError, "position"):
         model.torque("a", 0, 0)
 
 

@@ -1,5 +1,6 @@
 """Stages density and timing: a kernel density estimate instead of the GAN; speed of a generator."""
 
+import math
 import os
 import platform
 import time
@@ -44,10 +45,7 @@ def _estimate(run: RunContext, build: Build) -> None:
     from scipy.stats import gaussian_kde
 
     seeds = training_seeds(run).coefficients
-    if len(seeds) <= seeds[0].size:
-        raise ConfigError(
-            f"a density estimate needs more seeds than coefficients: {len(seeds)} and {seeds[0].size}"
-        )
+    _refuse_few(len(seeds), seeds[0].size)
     estimate = gaussian_kde(flatten(seeds, 1).T)
     rows = []
     for bandwidth in run.cfg.discussion.bandwidths:
@@ -60,12 +58,23 @@ def _estimate(run: RunContext, build: Build) -> None:
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
 
 
+def _refuse_few(seeds: int, coefficients: int) -> None:
+    """Refuse a density estimate whose covariance would be singular by a ConfigError."""
+    if seeds <= coefficients:
+        counts = f"{seeds} and {coefficients}"
+        raise ConfigError(f"a density estimate needs more seeds than coefficients: {counts}")
+
+
+def _check_density(run: RunContext) -> None:
+    _refuse_few(run.cfg.subset or run.cfg.seeds.count, math.prod(run.cell.trajectory.shape))
+
+
 def timing(run: RunContext) -> Artifact:
     """Generation speed of a variant's first training; stored as costs, since it depends on the machine."""
     training = run.cfg.trainings[0]
     inputs = {"gan": generator(run, TIMED, training)}
     make = partial(_measure_speed, seconds=run.cfg.discussion.seconds)
-    return run.artifact("timing", TIMED, make, {}, inputs, training=training)
+    return run.artifact("timing", TIMED, make, {}, inputs, training=training, alone=True)
 
 
 def _measure_speed(run: RunContext, build: Build, seconds: float) -> None:
@@ -109,6 +118,6 @@ def processor() -> str:
 
 
 STAGES = {
-    "density": Stage(lambda run: [density(run)]),
+    "density": Stage(lambda run: [density(run)], check=_check_density),
     "timing": Stage(lambda run: [timing(run)] if TIMED in run.cfg.gan else []),
 }

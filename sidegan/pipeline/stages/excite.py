@@ -98,11 +98,13 @@ def _rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
         planned = slowed.family.roll_out(c[None], slowed.family.times(rate))
         executed = plant.follow(planned)
         error = np.abs(executed.position - planned.position[0]).max(0)
+        worst = int(error.argmax())
+        unit = "m" if arm.prismatic[worst] else "rad"
         share = (np.abs(executed.torque) / arm.torque_limit).max(0)
         seen = executed.position[:: max(1, round(_EVERY * rate))]
         nearest = float(run.cell.constraints.nearest(seen)[0].min())
         row = {
-            "tracking error [rad]": f"{error.max():.2g} ({joints[error.argmax()]})",
+            "tracking error": f"{error[worst]:.2g} {unit} ({joints[worst]})",
             "largest torque": f"{share.max():.0%} ({joints[share.argmax()]})",
             "closest [m]": f"{nearest:.3f}" if math.isfinite(nearest) else "—",
         }

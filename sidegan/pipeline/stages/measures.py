@@ -15,6 +15,7 @@ import pandas as pd
 from sidegan.base.arrays import geometric_mean
 from sidegan.base.storage import finite, write_json, write_parquet
 from sidegan.design.prediction import TOGETHER, TorqueNoise, torque_size
+from sidegan.errors import ConfigError
 from sidegan.library.measure import likeness
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RESULTS, RunContext
@@ -79,7 +80,13 @@ def _make(run: RunContext, build: Build, pool: Pool, level: float) -> None:
 def variations(run: RunContext) -> dict[str, RunContext]:
     """The run with each of the changes that it compares, by name: other arms, or other settings."""
     rows = run.cfg.rows if run.cfg.has("rows") else {name: [f"robot={name}"] for name in run.cfg.arms}
-    return {name: run.with_changes(*changes) for name, changes in rows.items()}
+    made = {}
+    for name, changes in rows.items():
+        try:
+            made[name] = run.with_changes(*changes)
+        except ConfigError as error:
+            raise ConfigError(f"{name}: {error}") from error
+    return made
 
 
 def _varied(run: RunContext) -> Iterator[Artifact]:

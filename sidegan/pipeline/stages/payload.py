@@ -86,7 +86,7 @@ def _show_gains(run: RunContext, tracker: Tracker) -> None:
     shown = {"gain [N·m/A]": [f"{x:.4g}" for x in gains], "σ": [f"{x:.2g}" for x in deviation]}
     table = pd.DataFrame(shown, pd.Index(arm.joint_names, name="joint"))
     publish(table, folder / "gains", f"Drive gains of {arm.name} (load: {cfg.load.mass:g} kg)", tracker)
-    for doubt in (doubts := found.doubts(arm)):
+    for doubt in (doubts := found.doubts(arm, run.cfg.recording.reverse)):
         _log.warning("robot.gains cannot be set: %s", doubt)
     if not doubts:
         _log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))

@@ -121,7 +121,7 @@ def _train(
         samples=samples,
         trainer=run.cfg.trainer,
         progress=build.report,
-        logger=None if build.curves is None else build.curves.logger(f"gan/{name}-{training}"),
+        logger=None if run.store.curves is None else run.store.curves.logger(f"gan/{name}-{training}"),
     )
     made = trained(run.cell, variant, seeds, how, surrogates=folder, box=box)
     made.generator.save(build.folder / GENERATOR)

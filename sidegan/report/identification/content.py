@@ -16,16 +16,9 @@ from sidegan.identification.workflow import error_ratio
 from sidegan.recording.checked import CheckedRecording
 
 _NAMED = 6  # joints or parameters in a sentence, at most
-_UNITS = {
-    **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
-    **{"m": "kg", "I": "kg·m²", "Ia": "kg·m²"},
-    **{"fv": "N·m·s/rad", "fc": "N·m", "fo": "N·m"},
-    **{"fr": "N·m/(rad/s)^½", "fd": "N·m·s/rad"},
-}
-_OF_SLIDES = {  # the same of prismatic joints
-    **{"Ia": "kg", "fv": "N·s/m", "fc": "N", "fo": "N"},
-    **{"fr": "N/(m/s)^½", "fd": "N·s/m"},
-}
+_UNITS = {"m": "kg", "mx": "kg·m", "my": "kg·m", "mz": "kg·m", "I": "kg·m²"}
+_UNITS |= {"fv": "N·m·s/rad", "fd": "N·m·s/rad", "fr": "N·m/(rad/s)^½"}
+_OF_SLIDES = {"Ia": "kg", "fv": "N·s/m", "fd": "N·s/m", "fr": "N/(m/s)^½"}  # the same of prismatic joints
 
 
 class Origin(NamedTuple):
