@@ -24,7 +24,6 @@ from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.gan.settings import TrainerSettings
 from sidegan.gan.side_gan import Data
-from sidegan.gan.tensors import tensor
 from sidegan.gan.training import fit_module
 
 SEEDS, EPOCHS, WARM = 1800, 2, 1
@@ -50,7 +49,7 @@ def task() -> tuple[Any, Data]:
     spectrum = measure_excitation(constraints.body, family, seeds[:200]).spectrum
     predictor = SuccessPredictor(arm, family, len(constraints.labels), sizes.width, sizes.margin_steps)
     converter = Converter(arm, family, spectrum.shape[1], sizes.width, sizes.feature_steps)
-    converter.fit_standard(tensor(spectrum))
+    converter.fit_standard(torch.tensor(spectrum))
     for network in (predictor, converter):
         network.requires_grad_(False)
     variant = replace(cfg.gan["eigen"], epochs=EPOCHS, fitness_start=0)

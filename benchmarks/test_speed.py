@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,6 @@ from benchmarks.opponents import Figaroh, Mujoco, Pinocchio, frax_torque
 from sidegan.base.arrays import Array, flatten
 from sidegan.design.objective import Goal, Objective, Penalty
 from sidegan.design.problem import Problem
-from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.networks import DenseGenerator
-from sidegan.gan.scaling import Scaling
-from sidegan.gan.tensors import tensor
 from sidegan.gan.training import TrainingRun, train_variant
 from sidegan.identification import RIGID, Measurements, TorqueModel
 from sidegan.identification.fit import gather, least_squares
@@ -163,12 +160,8 @@ def test_validity(rate: Rate, by: str) -> None:
 
 def test_generation(rate: Rate) -> None:
     """Trajectories from a generator of the usual size, in batches of a thousand."""
-    seeds = tensor(start(200))
-    arm = CONSTRAINTS.arm
-    scaling = Scaling.fit(seeds)
-    network = DenseGenerator(*FAMILY.shape[:2], shortcut=True)
-    network.start_from(scaling.image(seeds))
-    made = TrajectoryGenerator(network.eval(), scaling, FAMILY, arm)
+    variant, data = device.task()
+    made = resolve_name(variant._target_)(variant, data).generator.eval()
     rate(lambda: [made.sample(1000) for _ in range(10)], 10_000, "trajectories")
 
 

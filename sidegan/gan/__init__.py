@@ -8,9 +8,9 @@
     … that go on learning        training.Refreshed
     … to what predicts torques   reward.Energies; by exact physics reward.Worth
     losses                       functions in losses; which a variant adds is in variants
-    the adversarial loop         side_gan.SideGAN.training_step; training.train runs it
+    the adversarial loop         side_gan.SideGAN.training_step; training.train_variant runs it
 
-Other rooms pass arrays, and this one tensors: tensors.array and tensors.tensor are the border.
+Other rooms pass arrays, and this one tensors: tensors.numpy_array and torch.tensor are the border.
 
 The recipe as the authors published it: ``Published…`` in variants, and published.
 """

@@ -53,10 +53,6 @@ class TrajectoryGenerator(nn.Module):
         self.trajectory, self.arm = trajectory, arm
         self.float()
 
-    def coefficients(self, images: Tensor) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), from images, within the box and the limits if it has them."""
-        return self.bounded(self.scaling.coefficients(images))
-
     def boxed(self, free: Tensor) -> Tensor:
         """Coefficients [rad/s], (B, J, H, 2), within the box; ``free`` itself without one."""
         return free if self.box is None else self.box(free)
@@ -79,7 +75,7 @@ class TrajectoryGenerator(nn.Module):
         if not isinstance(count, Integral) or count < 1:
             raise ShapeError(f"cannot sample {count!r} trajectories, expected a positive whole number")
         stream = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
-        return numpy_array(self.coefficients(self.images(count, stream)))
+        return numpy_array(self.bounded(self.scaling.coefficients(self.images(count, stream))))
 
     def stream(self, seed: int) -> Callable[[int], Array]:
         """Function that draws new coefficients [rad/s], (count, J, H, 2), different at every call."""

@@ -12,7 +12,6 @@ from torch.nn.functional import normalize, softplus
 
 from sidegan.base.arrays import Array, flatten, split
 from sidegan.design.fidelity import mean_cosine, mean_distance
-from sidegan.gan.tensors import tensor
 
 _PAIRS = 500  # seeds for the target of the mean distance
 _BATCHES = 8  # batches of seeds for the target of the rank
@@ -62,12 +61,10 @@ class Adversary(nn.Module):
     Source: Mescheder et al. 2018, Which training methods for GANs do actually converge? (penalty R₁).
     """
 
-    examples: Tensor
-
     def __init__(self, network: nn.Module, examples: Tensor, view: Value, penalty: float = 0.0) -> None:
         super().__init__()
         self.network, self.view, self.penalty = network, view, penalty
-        self.register_buffer("examples", examples.contiguous(), persistent=False)
+        self.examples = nn.Buffer(examples.contiguous(), persistent=False)
 
     def forward(self, batch: Batch) -> Tensor:
         """Loss of the generator, −log D, 0-dimensional."""
@@ -111,7 +108,7 @@ def missing_rank(seeds: Array, size: int, share: float = 1.0) -> Value:
     """Missing log effective rank of a batch, 0 if it reaches a share of that of equally many seeds."""
     size = min(size, len(seeds))
     parts = split(flatten(seeds, 1)[: _BATCHES * size], size)
-    ranks = [_log_rank(tensor(part)) for part in parts if len(part) == size]
+    ranks = [_log_rank(torch.tensor(part)) for part in parts if len(part) == size]
     target = float(torch.stack(ranks).mean()) + math.log(share)
     return lambda batch: (target - _log_rank(batch.coefficients.flatten(1))).clamp_min(0)
 

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.base.arrays import flatten
-from sidegan.gan.tensors import tensor
+from sidegan.gan.tensors import constant
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 
@@ -125,13 +125,6 @@ class RollOut(nn.Module):
     the coefficients: position, velocity and, if present, acceleration and jerk.
     """
 
-    basis: Tensor  # of the positions and the derivatives in ``orders``, (L, P T, 2 H)
-    acceleration: Tensor  # basis of the accelerations, (T, 2 H)
-    home: Tensor
-    middle: Tensor
-    room: Tensor
-    limits: Tensor  # of the derivatives in ``orders``
-
     def __init__(self, arm: Arm, trajectory: Trajectory, steps: int) -> None:
         super().__init__()
         self.steps = steps
@@ -140,16 +133,13 @@ class RollOut(nn.Module):
         self.channels = 5 * arm.joints + self.linear
         times = trajectory.grid(steps * _PEAKS)
         fine = np.stack([flatten(trajectory.basis(times, order), 1) for order in range(4)])
-        buffers = {
-            "basis": fine[[0, *self.orders]],
-            "acceleration": fine[2, ::_PEAKS],
-            "home": np.array(trajectory.home),
-            "middle": (arm.position_upper + arm.position_lower) / 2,
-            "room": (arm.position_upper - arm.position_lower) / 2,
-            "limits": np.stack([arm.velocity_limit, *arm.higher_limits.values()]),
-        }
-        for name, value in buffers.items():
-            self.register_buffer(name, tensor(value).float(), persistent=False)
+        # basis of the positions and of the derivatives in ``orders``, (L, P T, 2 H), and of the accelerations
+        self.basis = constant(fine[[0, *self.orders]])
+        self.acceleration = constant(fine[2, ::_PEAKS])
+        self.home = constant(np.array(trajectory.home))
+        self.middle = constant((arm.position_upper + arm.position_lower) / 2)
+        self.room = constant((arm.position_upper - arm.position_lower) / 2)
+        self.limits = constant(np.stack([arm.velocity_limit, *arm.higher_limits.values()]))  # of ``orders``
 
     def forward(self, c: Tensor) -> Tensor:
         """Channels (B, 5 J + L, T)."""

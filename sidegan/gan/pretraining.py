@@ -18,7 +18,7 @@ from sidegan.gan.published import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
 from sidegan.gan.settings import SurrogateSettings, Variant
 from sidegan.gan.surrogates import Converter, SuccessPredictor, learn, scores
-from sidegan.gan.tensors import keep_freed_memory, numpy_array, read_tensors, tensor, write_network
+from sidegan.gan.tensors import keep_freed_memory, numpy_array, read_tensors, write_network
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
@@ -120,33 +120,31 @@ class Pretraining:
     ) -> dict[str, float]:
         """Train the success predictor, save it in ``folder``, and return its held-out scores.
 
-        Those of ``scores``, on held-out seeds and faulty samples of the vanilla GAN; ``accuracy_broad`` is
-        the accuracy on all held-out samples.
+        Those of ``scores``, on held-out seeds, faulty samples of the vanilla GAN, and all held-out samples.
         """
         data, held, random = _begin(labelled, seed)
         sizes = {"width": self.settings.width, "steps": self.settings.margin_steps}
         arguments = {"constraints": len(self.constraints.labels), **sizes}
         predictor = SuccessPredictor(self.constraints.arm, self.trajectory, **arguments)
-        self._fit(predictor, [tensor(x) for x in (data.c, data.margins, data.valid)], random, progress)
+        self._fit(predictor, [torch.tensor(x) for x in (data.c, data.margins, data.valid)], random, progress)
         write_network(folder / "success.pt", predictor.state_dict(), arguments)
         held_seeds, faulty = self.seeds[self._learnt :], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
-        broad = predictor.accuracy(tensor(held.c), tensor(held.valid))
-        return {**scores(predictor.accepts, held_seeds, faulty), "accuracy_broad": broad}
+        return scores(predictor.accepts, held_seeds, faulty, held.c, held.valid)
 
     def train_features(
         self, features: str, labelled: Labelled, folder: Path, seed: int, progress: Report
     ) -> dict[str, float]:
         """Train the converter to some features, save it in ``folder``, and return its held-out mean R²."""
         data, held, random = _begin(labelled, seed)
-        target = tensor(getattr(data, features))
+        target = torch.tensor(getattr(data, features))
         sizes = {"width": self.settings.width, "steps": self.settings.feature_steps}
         arguments = {"features": target.shape[1], **sizes}
         converter = Converter(self.constraints.arm, self.trajectory, **arguments)
         converter.fit_standard(target)
-        self._fit(converter, (tensor(data.c), converter.standardise(target)), random, progress)
+        self._fit(converter, (torch.tensor(data.c), converter.standardise(target)), random, progress)
         write_network(folder / f"{features}.pt", converter.state_dict(), arguments)
-        explained = converter.explained(tensor(held.c), tensor(getattr(held, features)))
+        explained = converter.explained(torch.tensor(held.c), torch.tensor(getattr(held, features)))
         return {f"r2_{features}": float(explained.mean())}
 
     @property

@@ -16,7 +16,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
 from sidegan.gan.networks import FromNoise
 from sidegan.gan.surrogates import learn, scores
-from sidegan.gan.tensors import read_tensors, tensor, write_network
+from sidegan.gan.tensors import read_tensors, write_network
 from sidegan.seeding.published import SCALE, Layout
 
 IMAGE = (2, 7, 7)  # shape of a published image: 6 harmonics and a copy of the first row, 7 joints
@@ -113,11 +113,9 @@ class ShallowNetwork(nn.Module):
     which reduces the number of training steps tenfold.
     """
 
-    scale: Tensor
-
     def __init__(self, channels: int, outputs: int) -> None:
         super().__init__()
-        self.register_buffer("scale", torch.ones(outputs))
+        self.scale = nn.Buffer(torch.ones(outputs))
         self.conv1 = nn.Conv2d(2, _FIRST, 3, 1, 1)
         self.conv2 = nn.Conv2d(_FIRST, channels, 3, 2, 1)
         self.fc2 = nn.Linear(channels * math.ceil(IMAGE[1] / 2) ** 2, outputs)
@@ -167,29 +165,25 @@ class PublishedPretraining:
     ) -> dict[str, float]:
         """Save the success predictor, trained or with given weights, and return its held-out scores.
 
-        Those of ``surrogates.scores``, on the seeds and the faulty ones among held-out samples;
-        ``accuracy_broad`` is the accuracy on all held-out samples.
+        Those of ``surrogates.scores``, on the seeds and held-out samples.
         """
         torch.manual_seed(seed)
-        samples, valid = tensor(self.samples), tensor(self.valid)
-        held, learnt = _split(len(valid))
+        held, learnt = _split(len(self.valid))
         network = PublishedPredictor()
         if weights is None:
-            self._fit(network, samples[learnt], valid[learnt], progress)
+            self._fit(network, torch.tensor(self.samples)[learnt], torch.tensor(self.valid)[learnt], progress)
         else:
             network.load_state_dict({"scale": network.scale, **weights})
         write_network(folder / "success.pt", network.state_dict(), {})
-        with torch.no_grad():
-            right = network.accepts(samples[held]) == valid[held]
-        shares = scores(network.accepts, self.seeds, self.samples[held[~valid[held]].numpy()])
-        return {**shares, "accuracy_broad": float(right.double().mean())}
+        samples, valid = self.samples[held.numpy()], self.valid[held.numpy()]
+        return scores(network.accepts, self.seeds, samples[~valid], samples, valid)
 
     def train_features(
         self, name: str, features: Array, folder: Path, seed: int, progress: Report
     ) -> dict[str, float]:
         """Train and save a converter to features (N, p); return its mean relative error on held-out seeds."""
         torch.manual_seed(seed)
-        seeds, target = tensor(self.seeds), tensor(features).float()
+        seeds, target = torch.tensor(self.seeds), torch.tensor(features).float()
         held, learnt = _split(len(target))
         network = PublishedConverter(target.shape[1])
         network.scale.copy_(target.median(0).values)

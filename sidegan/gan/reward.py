@@ -23,7 +23,7 @@ from sidegan.design.prediction import (
 from sidegan.design.problem import Problem
 from sidegan.gan.metrics import noises
 from sidegan.gan.settings import Reward
-from sidegan.gan.tensors import numpy_array, tensor
+from sidegan.gan.tensors import numpy_array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 
@@ -35,17 +35,15 @@ _SEEDS = 200  # seeds that determine the directions of ``Energies``
 _STATES_AT_ONCE = 4096  # per regressor: 10 MB at seven joints
 
 
-def energies(problem: Problem, c: Tensor, directions: Array, weights: Array) -> Tensor:
+class DirectionEnergies(torch.autograd.Function):
     """Energies Σ (wⱼ yⱼ v)² / T, (B, K), of directions v (p, K), for coefficients c [rad/s].
 
     ``weights``, (J,), scale each joint's equations y.
     """
-    return _Energies.apply(c, problem, directions, weights)
 
-
-class _Energies(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, c: Tensor, problem: Problem, directions: Array, weights: Array) -> Tensor:
+        """The energies; torch passes the context."""
         ctx.save_for_backward(c)
         ctx.constants = problem, directions, weights
         trajectory, samples = problem.trajectory, problem.samples
@@ -53,22 +51,23 @@ class _Energies(torch.autograd.Function):
         for part in split(numpy_array(c), max(1, _STATES_AT_ONCE // samples)):
             y = problem.body.base_regressor(*trajectory.roll_out(part, trajectory.grid(samples))[1:])
             values.append(np.square(weights[:, None] * (y @ directions)).sum((1, 2)) / samples)
-        return tensor(np.concatenate(values))
+        return torch.tensor(np.concatenate(values))
 
     @staticmethod
     def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None, None]:
+        """The gradient in the coefficients."""
         (c,), (problem, directions, weights) = ctx.saved_tensors, ctx.constants
         vectors = np.repeat(directions.T[None], len(c), 0)
         _, gradient = pull_back(problem, numpy_array(c), vectors, numpy_array(slopes[0]), certainty=weights)
-        return tensor(gradient).to(c), None, None, None
+        return torch.tensor(gradient).to(c), None, None, None
 
 
 def violation(problem: Problem, c: Tensor, penalty: Penalty) -> Tensor:
     """Penalty of violated constraints, (B,) float64: squared relative violations, mean over time."""
     none = np.zeros((len(c), 0, problem.body.parameters_count))
     value, gradient = pull_back(problem, numpy_array(c), none, none[:, :, 0], penalty)
-    zero = (tensor(gradient).to(c) * (c - c.detach())).sum((1, 2, 3))  # with this gradient
-    return tensor(value).to(c.device) + zero
+    zero = (torch.tensor(gradient).to(c) * (c - c.detach())).sum((1, 2, 3))  # with this gradient
+    return torch.tensor(value).to(c.device) + zero
 
 
 class Worth:
@@ -96,7 +95,10 @@ class Worth:
         """Log worth of coefficients [rad/s], (B, J, H, 2), relative to the running means, (B,) float64."""
         self.learn(numpy_array(c[:_FEW]))
         directions, shares = self.slope
-        return (energies(self.problem, c, directions, self.prediction.noise.weights) @ tensor(shares)).log()
+        return (
+            DirectionEnergies.apply(c, self.problem, directions, self.prediction.noise.weights)
+            @ torch.tensor(shares)
+        ).log()
 
     def learn(self, c: Array) -> None:
         """Update the running means of information and noise with trajectories [rad/s], (B, J, H, 2)."""
@@ -130,8 +132,10 @@ class Energies:
 
     def __call__(self, c: Array) -> Array:
         """Energies for each noise in turn, (N, K), about 1 for the seeds."""
-        x = tensor(c)
-        return numpy_array(torch.cat([energies(self.problem, x, v, w) for v, _, w in self.parts.values()], 1))
+        x = torch.tensor(c)
+        return numpy_array(
+            torch.cat([DirectionEnergies.apply(x, self.problem, v, w) for v, _, w in self.parts.values()], 1)
+        )
 
     def worth(self, logs: Tensor, reward: Reward | None) -> Tensor:
         """Mean log worth from log energies, (B, K); 0-dimensional.
@@ -142,6 +146,6 @@ class Energies:
         parts = logs.exp().split([len(shares) for _, shares, _ in self.parts.values()], 1)
         for x, (name, (_, shares, _)) in zip(parts, self.parts.items()):
             mean = x.mean(0).detach()
-            slope = tensor(shares).to(x) / mean.square()
+            slope = torch.tensor(shares).to(x) / mean.square()
             total = total + getattr(reward, name) * (x @ slope / (mean @ slope)).log().mean()
         return total

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from sidegan.base.arrays import flatten
 from sidegan.errors import ShapeError
-from sidegan.gan.tensors import tensor
+from sidegan.gan.tensors import constant
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 
@@ -28,13 +28,9 @@ class Scaling(nn.Module):
         spread: maps a joint's image to its coefficients, (J, 2 H, 2 H).
     """
 
-    mean: Tensor
-    spread: Tensor
-
     def __init__(self, mean: Tensor, spread: Tensor) -> None:
         super().__init__()
-        self.register_buffer("mean", mean)
-        self.register_buffer("spread", spread)
+        self.mean, self.spread = nn.Buffer(mean), nn.Buffer(spread)
 
     @staticmethod
     def fit(c: Tensor) -> "Scaling":
@@ -75,11 +71,6 @@ class LimitLayer(nn.Module):
     fourth and fifth of the position, which have closed bounds. The bounds also scale with the coefficients.
     """
 
-    bases: Tensor  # of position, velocity, acceleration and jerk, (4, T, 2 H)
-    peaks: Tensor  # bounds of the fourth and fifth derivatives, (2, 2 H)
-    room: Tensor  # from home to the upper and lower position limits [rad or m], (2, J)
-    limits: Tensor  # of the derivatives in ``orders``, (L, J)
-
     def __init__(self, arm: Arm, trajectory: Trajectory) -> None:
         super().__init__()
         count = _POINTS * trajectory.harmonics
@@ -87,15 +78,15 @@ class LimitLayer(nn.Module):
         self.gap = trajectory.period / count
         self.orders = [1, *(DERIVATIVE_ORDER[name] for name in arm.higher_limits)]
         home = np.asarray(trajectory.home)
+        # of position, velocity, acceleration and jerk, (4, T, 2 H)
+        self.bases = constant(np.stack([flatten(trajectory.basis(times, order), 1) for order in range(4)]))
+        # bounds of the fourth and fifth derivatives, (2, 2 H)
+        self.peaks = constant(np.stack([trajectory.derivative_bound(order).ravel() for order in (4, 5)]))
+        # from home to the upper and lower position limits [rad or m], (2, J)
         room = np.stack([arm.position_upper - home, home - arm.position_lower])
-        buffers = {
-            "bases": np.stack([flatten(trajectory.basis(times, order), 1) for order in range(4)]),
-            "peaks": np.stack([trajectory.derivative_bound(order).ravel() for order in (4, 5)]),
-            "room": np.maximum(room, _LEAST_ROOM),
-            "limits": np.stack([arm.velocity_limit, *arm.higher_limits.values()]),
-        }
-        for name, value in buffers.items():
-            self.register_buffer(name, tensor(value).float(), persistent=False)
+        self.room = constant(np.maximum(room, _LEAST_ROOM))
+        # of the derivatives in ``orders``, (L, J)
+        self.limits = constant(np.stack([arm.velocity_limit, *arm.higher_limits.values()]))
 
     def forward(self, c: Tensor) -> Tensor:
         """Scaled coefficients [rad/s], (B, J, H, 2)."""

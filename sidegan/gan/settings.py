@@ -191,8 +191,9 @@ class Variant:
     @property
     def traits(self) -> Traits:
         """Properties of the class; a subclass elsewhere has those of the class it is made from."""
-        if self.name in TRAITS:
-            return TRAITS[self.name]
+        module, _, name = self._target_.rpartition(".")
+        if module == _VARIANTS and name in TRAITS:
+            return TRAITS[name]
         why = ""
         try:
             for base in getattr(resolve_name(self._target_), "__mro__", ()):

@@ -1,5 +1,6 @@
 """SIDE-GAN: the adversarial loop, shared by all variants."""
 
+import math
 from abc import abstractmethod
 from copy import deepcopy
 from dataclasses import dataclass
@@ -19,7 +20,6 @@ from sidegan.gan.published import IMAGE, ConvolutionalGenerator, PublishedScalin
 from sidegan.gan.reward import Energies
 from sidegan.gan.scaling import CoefficientBox, Scaling
 from sidegan.gan.settings import Variant
-from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 
@@ -33,8 +33,9 @@ class Data:
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories
     seeds: Array  # coefficients [rad/s], (N, J, H, 2); from ``training.random_trajectories`` for Exact
-    success_predictor: Any = None  # a trained network, if the variant has features
-    converter: Any = None  # a trained network, if the variant has features
+    # trained networks of ``surrogates`` or ``published``, if the variant has features
+    success_predictor: Any = None
+    converter: Any = None
     box: float | None = None  # bound on the generator's absolute coefficients [rad/s]; None: no bound
 
 
@@ -55,14 +56,14 @@ class SideGAN(pl.LightningModule):
         name: of the variant, for messages.
     """
 
-    share = 1.0  # completed share of the training
-    energies: Energies | None = None  # set if the converter predicts energies
+    share = 1.0  # completed share of the training; outside of one, weights of losses are the final ones
+    energies: Energies | None = None  # for exact labels, set by a variant whose converter predicts them
 
     def __init__(self, settings: Variant, data: Data, name: str = "sidegan") -> None:
         super().__init__()
         self.automatic_optimization = False
         self.settings, self.data, self.name = settings, data, name
-        self.seeds = tensor(data.seeds)
+        self.seeds = torch.tensor(data.seeds)
         arm = data.constraints.arm
         self.generator = TrajectoryGenerator(
             *self.make_network(),
@@ -109,14 +110,14 @@ class SideGAN(pl.LightningModule):
         ]
 
     @property
-    def adversaries(self) -> list[Adversary]:
-        """Discriminators of losses with a weight."""
-        return [loss.value for loss in self.losses() if loss.weight and isinstance(loss.value, Adversary)]
+    def adversaries(self) -> dict[Adversary, float]:
+        """Discriminators with the current weight of each: without one it does not learn."""
+        return {loss.value: loss.weight for loss in self.losses() if isinstance(loss.value, Adversary)}
 
     @property
     def steps(self) -> int:
         """Steps per epoch, of the discriminators if there are any."""
-        return self.settings.steps or -(-len(self.data.seeds) // self.settings.generator.batch)
+        return self.settings.steps or math.ceil(len(self.data.seeds) / self.settings.generator.batch)
 
     def forward(self, count: int) -> Batch:
         """A batch of new trajectories."""
@@ -124,23 +125,23 @@ class SideGAN(pl.LightningModule):
         images = generator.images(count)
         free = generator.scaling.coefficients(images)
         c = generator.bounded(free)
-        if c is not free:
+        if c is not free:  # discriminators see what would be executed
             images = generator.scaling.image(c)
         seen = c if self.settings.published is None else images  # by the converter
         return Batch(c, images, c if generator.box is None else free, lambda: self.converter(seen))
 
-    def training_step(self, batch: list[Tensor], index: int) -> None:
-        """The adversarial loop: a step of the discriminators on examples, then the generator's steps."""
-        rows = batch[0]
+    def training_step(self, rows: Tensor, index: int) -> None:
+        """The adversarial loop: a step of the discriminators on examples, rows (B,), then the generator's."""
         optimisers = self.optimizers()
-        generator, *critics = optimisers if isinstance(optimisers, list) else [optimisers]
-        self.share = self.done(self.current_epoch, index)
-        for optimiser in critics:
+        generator, *others = optimisers if isinstance(optimisers, list) else [optimisers]
+        self.share = self.share_before(self.current_epoch, index)
+        learning = [adversary for adversary, weight in self.adversaries.items() if weight]
+        if learning:
             with torch.no_grad():
                 fake = self(len(rows))
-            loss = torch.stack([d.own_loss(rows, fake) for d in self.adversaries]).sum()
+            loss = torch.stack([adversary.own_loss(rows, fake) for adversary in learning]).sum()
             self._record("discriminator", loss)
-            self._step(optimiser, loss)
+            self._step(others[0], loss)
         self.toggle_optimizer(generator)  # no gradients of the discriminators' weights
         for _ in range(self.settings.generator_steps):
             self._step(generator, self.generator_loss(len(rows)))
@@ -165,13 +166,13 @@ class SideGAN(pl.LightningModule):
         if self.logger is not None:
             self.log(f"loss/{name}", value.detach(), on_step=False, on_epoch=True, batch_size=1)
 
-    def _step(self, adam: Any, loss: Tensor) -> None:
+    def _step(self, optimiser: Any, loss: Tensor) -> None:
         """A step of an optimiser; a loss that is not finite ends the training before the step."""
         if not torch.isfinite(loss):
             self.stop(f"the loss is {float(loss.detach())}{_REMEDY}")
-        adam.zero_grad()
+        optimiser.zero_grad()
         self.manual_backward(loss)
-        adam.step()
+        optimiser.step()
 
     def stop(self, reason: str) -> None:
         """End a training that diverged.
@@ -183,23 +184,23 @@ class SideGAN(pl.LightningModule):
 
     def configure_optimizers(self) -> Any:
         """Adam for the generator, and for the discriminators if there are any, with their schedules."""
-        critics = [parameter for adversary in self.adversaries for parameter in adversary.parameters()]
-        groups = [list(self.generator.parameters()), critics]
+        others = [parameter for adversary in self.adversaries for parameter in adversary.parameters()]
+        groups = [list(self.generator.parameters()), others]
         betas = self.settings.generator.betas
-        fused = self.device.type != "mps"  # five times as fast where it is available
+        fused = self.device.type != "mps"  # five times as fast, but not on Apple's devices
         adams = [torch.optim.Adam(weights, 1.0, betas, fused=fused) for weights in groups if weights]
         return adams, [torch.optim.lr_scheduler.LambdaLR(adam, self.rate) for adam in adams]
 
     def rate(self, step: int) -> float:
         """Learning rate of a step of the training."""
-        return self.settings.generator.rate(self.done(*divmod(step, self.steps)))
+        return self.settings.generator.rate(self.share_before(*divmod(step, self.steps)))
 
-    def done(self, epoch: int, index: int) -> float:
+    def share_before(self, epoch: int, index: int) -> float:
         """Completed share of the training before a step of an epoch."""
         return (epoch + index / self.steps) / self.settings.epochs
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Save the random state with the weights."""
+        """Save the random state of the processor, which draws all noise, with the weights."""
         checkpoint["random"] = torch.get_rng_state()
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:

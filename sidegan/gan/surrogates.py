@@ -14,7 +14,6 @@ from torch import Tensor, nn
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
 from sidegan.gan.networks import RollOut
-from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
@@ -72,22 +71,13 @@ class SuccessPredictor(nn.Module):
         """Whether trajectories are predicted to be valid, (B,)."""
         return self(c).exp() > 0.5
 
-    @torch.no_grad()
-    def accuracy(self, c: Tensor, valid: Tensor) -> float:
-        """Share of trajectories whose label is predicted correctly."""
-        return float((self.accepts(c.float()) == valid).double().mean())
-
 
 class Converter(nn.Module):
     """Standardised log features, such as the spectrum of YᵀY, (B, p), for coefficients (B, J, H, 2)."""
 
-    mean: Tensor
-    spread: Tensor
-
     def __init__(self, arm: Arm, trajectory: Trajectory, features: int, width: int, steps: int) -> None:
         super().__init__()
-        self.register_buffer("mean", torch.zeros(features))
-        self.register_buffer("spread", torch.ones(features))
+        self.mean, self.spread = nn.Buffer(torch.zeros(features)), nn.Buffer(torch.ones(features))
         self.roll_out = RollOut(arm, trajectory, steps)
         self.moments = _PerTime(self.roll_out.channels, width, width, width)
         self.pooled = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, features))
@@ -126,19 +116,29 @@ class Converter(nn.Module):
         self.spread.copy_(x.std(0).clamp_min(_LEAST_SPREAD))
 
 
-def scores(accepts: Callable[[Tensor], Tensor], seeds: Array, faulty: Array) -> dict[str, float]:
-    """Shares of seeds (N, …) that a predictor accepts, and of faulty samples that it rejects.
+def scores(
+    accepts: Callable[[Tensor], Tensor], seeds: Array, faulty: Array, samples: Array, valid: Array
+) -> dict[str, float]:
+    """Shares of seeds (N, …) that a predictor accepts, and of faulty samples that it rejects; NaN of none.
 
     ``accepted_25`` is of the seeds' motions at 25 % of their size. ``accuracy_paper`` is over seeds and
-    faulty samples together: it depends on how many there are of each.
+    faulty samples together: it depends on how many there are of each. ``accuracy_broad`` is over samples of
+    all kinds with labels ``valid``, (M,).
     """
     with torch.no_grad():
-        accepted = {share: accepts(tensor(share * seeds).float()) for share in (1.0, *_SMALLER)}
-        rejected = ~accepts(tensor(faulty).float())
+        accepted = {share: accepts(torch.tensor(share * seeds).float()) for share in (1.0, *_SMALLER)}
+        rejected = ~accepts(torch.tensor(faulty).float())
+        right = accepts(torch.tensor(samples).float()) == torch.tensor(valid)
     both = torch.cat([accepted[1.0], rejected])
     named = {f"accepted_{100 * share:.0f}": accepted[share] for share in _SMALLER}
-    shares = {"accepted": accepted[1.0], "rejected": rejected, "accuracy_paper": both, **named}
-    return {name: float(right.double().mean()) for name, right in shares.items()}
+    shares = {
+        "accepted": accepted[1.0],
+        "rejected": rejected,
+        "accuracy_paper": both,
+        "accuracy_broad": right,
+        **named,
+    }
+    return {name: float(x.double().mean()) for name, x in shares.items()}
 
 
 def learn(
@@ -182,4 +182,4 @@ class _PerTime(nn.Sequential):
                 y = torch.addmm(layer.bias[:, None], layer.weight[:, :, 0], y)
             else:
                 y = layer(y)
-        return y.unflatten(1, (len(x), -1)).transpose(0, 1)
+        return y.unflatten(1, (len(x), x.shape[2])).transpose(0, 1)

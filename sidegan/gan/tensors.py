@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import Tensor
+from numpy.typing import ArrayLike
+from torch import Tensor, nn
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import reading, write_bytes
@@ -26,9 +27,9 @@ if limited():  # torch is imported inside a block of ``on_threads``
     torch.set_num_threads(threads())
 
 
-def tensor(x: Array) -> Tensor:
-    """A tensor with a copy of an array."""
-    return torch.tensor(x)
+def constant(x: ArrayLike) -> nn.Buffer:
+    """A part of a network that follows from its arguments: single precision, on its device, in no file."""
+    return nn.Buffer(torch.tensor(x, dtype=torch.float32), persistent=False)
 
 
 def keep_freed_memory() -> None:

@@ -16,7 +16,7 @@ import torch
 from lightning_fabric.utilities.exceptions import MisconfigurationException
 from pytorch_lightning.loggers import Logger
 from torch import nn
-from torch.utils.data import DataLoader, RandomSampler, TensorDataset
+from torch.utils.data import DataLoader, RandomSampler
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
@@ -31,7 +31,7 @@ from sidegan.gan.scaling import CoefficientBox
 from sidegan.gan.settings import Refresh, TrainerSettings, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.surrogates import learn
-from sidegan.gan.tensors import keep_freed_memory, numpy_array, read_tensors, tensor
+from sidegan.gan.tensors import keep_freed_memory, numpy_array, read_tensors
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
 
@@ -39,8 +39,9 @@ _log = logging.getLogger(__name__)
 
 _LAST = "last"  # checkpoint
 _PROCESSOR = TrainerSettings()
-# Lightning's advice that does not apply: the data is small and in memory, the surrogates are frozen.
+# Advice that does not apply: the data is small and in memory, surrogates are frozen, discriminators may wait.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*|.*is not empty.*"
+_NOISE += "|.*lr_scheduler.step.*"
 _REFRESHED = 100  # samples per batch of the surrogates' further training
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of small motions of which some must be valid
 # Number of random trajectories that replace seeds, and the share of their limits that they use, which leaves
@@ -86,9 +87,9 @@ def train_variant(settings: Variant, data: Data, run: TrainingRun) -> Trained:
     if len(data.seeds) > 1 and not np.ptp(data.seeds, axis=0).any():
         raise ConfigError(f"all {len(data.seeds)} seeds are the same trajectory, expected different ones")
     model = resolve_name(settings._target_)(settings, data, run.name)
-    rows, batch = TensorDataset(torch.arange(len(data.seeds))), settings.generator.batch
+    rows, batch = range(len(data.seeds)), settings.generator.batch
     order = RandomSampler(rows, num_samples=model.steps * batch)  # without replacement in each pass
-    batches = DataLoader(rows, batch, sampler=order)
+    batches: DataLoader[Any] = DataLoader(rows, batch, sampler=order)  # type: ignore[arg-type]  # any sequence
     refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
     metrics = EpochMetrics(run)
     fit_module(model, batches, settings.epochs, [*refresh, metrics], run.work, run.trainer, run.logger)
@@ -186,7 +187,7 @@ class Refreshed(pl.Callback):
         recent = Labelled.join(self.window)
         features = getattr(recent, str(pl_module.settings.features)).astype(np.float32)
         labels = (recent.c, recent.margins, recent.valid, features)
-        c, margins, valid, target = (tensor(x).to(pl_module.device) for x in labels)
+        c, margins, valid, target = (torch.tensor(x).to(pl_module.device) for x in labels)
         self.surrogates.requires_grad_(True)
         target, count = converter.standardise(target), settings.steps
         batches = (torch.randint(len(c), (_REFRESHED,), generator=self.random) for _ in range(count))
@@ -199,7 +200,7 @@ class Refreshed(pl.Callback):
 
     def state_dict(self) -> dict[str, Any]:
         """State for a checkpoint."""
-        window = [tuple(map(tensor, batch)) for batch in self.window]
+        window = [tuple(map(torch.tensor, batch)) for batch in self.window]
         return {"adam": self.adam.state_dict(), "window": window, "random": self.random.get_state()}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
@@ -265,4 +266,4 @@ def random_trajectories(
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
             f"{_SMALL:.0%} of their limits on motion, {summarise_faults(verdict.faults())}"
         )
-    return c if box is None else numpy_array(CoefficientBox(box)(tensor(c)))
+    return c if box is None else numpy_array(CoefficientBox(box)(torch.tensor(c)))

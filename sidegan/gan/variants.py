@@ -20,7 +20,7 @@ from sidegan.gan.published import ConvolutionalDiscriminator
 from sidegan.gan.reward import Energies, Worth, violation
 from sidegan.gan.settings import ExactPhysics, Published, Variant
 from sidegan.gan.side_gan import Data, SideGAN
-from sidegan.gan.tensors import numpy_array, tensor
+from sidegan.gan.tensors import numpy_array
 
 _FIRST_WEIGHT = 0.1  # initial share of the violations' weight
 _FULL_WEIGHT = 0.4  # share of the training until it is 1
@@ -63,7 +63,7 @@ class Eigen(Vanilla):
         """Exact features of the seeds, (N, p), standardised like the converter's."""
         data = self.data
         excitation = measure_excitation(data.constraints.body, data.trajectory, data.seeds)
-        return self.converter.standardise(tensor(getattr(excitation, str(self.settings.features))))
+        return self.converter.standardise(torch.tensor(getattr(excitation, str(self.settings.features))))
 
     def losses(self) -> list[Loss]:
         """The vanilla GAN's loss, predicted failure, the second discriminator, and fitness."""
@@ -100,7 +100,7 @@ class Predicting(Eigen):
     def seeds_features(self) -> Tensor:
         """Exact energies of the seeds, (N, K), standardised like the converter's."""
         self.energies = Energies(self.data.constraints, self.data.trajectory, self.data.seeds)
-        return self.converter.standardise(tensor(self.energies(self.data.seeds)))
+        return self.converter.standardise(torch.tensor(self.energies(self.data.seeds)))
 
     def fitness(self, batch: Batch) -> Tensor:
         """Minus the mean log worth for prediction, from predicted energies."""
@@ -146,7 +146,7 @@ class Exact(SideGAN):
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Also save the running means."""
         super().on_save_checkpoint(checkpoint)
-        checkpoint["worths"] = [(tensor(worth.means), worth.seen) for _, worth in self.worths]
+        checkpoint["worths"] = [(torch.tensor(worth.means), worth.seen) for _, worth in self.worths]
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Also restore the running means."""

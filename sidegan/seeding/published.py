@@ -88,7 +88,10 @@ class PublishedSeeds:
     def features(self) -> Array | None:
         """The authors' 35 features of each seed, their diag YᵀY, (N, 35); None if there are none."""
         found = min(self.folder.expanduser().rglob(_FEATURES), default=None)
-        return np.load(found).astype(float) if found else None
+        if found is None:
+            return None
+        with reading(found, "NumPy", ConfigError):
+            return np.load(found).astype(float)
 
     def weights(self, name: str) -> Path:
         """File of the authors' weights of ``predictor`` or ``converter``; ConfigError if it is missing."""

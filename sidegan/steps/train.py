@@ -313,7 +313,7 @@ def trained(
 
     It learns from seeds, coefficients [rad/s], (N, J, H, 2), or from random trajectories if None, and from
     the surrogates in a folder; ``box`` bounds its absolute coefficients [rad/s]. Raises the errors of
-    ``sidegan.gan.training.train``, and an ArtifactError if a surrogate is missing, damaged, or for a
+    ``sidegan.gan.training.train_variant``, and an ArtifactError if a surrogate is missing, damaged, or for a
     different arm.
     """
     if seeds is None:

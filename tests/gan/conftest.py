@@ -15,7 +15,6 @@ from sidegan.gan.pretraining import SHARES, Labelled, Pretraining, load_surrogat
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Refresh, Weights
 from sidegan.gan.side_gan import Data
-from sidegan.gan.tensors import tensor
 from sidegan.gan.training import TrainingRun, random_trajectories, train_variant
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
@@ -40,7 +39,7 @@ def normal(family, seed=0, scale=1.0, count=8):
 def untrained(arm, family, start, limited=False, box=None, corrections=0):
     """A generator that starts as the Gaussian of some trajectories."""
     torch.manual_seed(0)
-    start = tensor(start)
+    start = torch.tensor(start)
     network, scaling = DenseGenerator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
     return TrajectoryGenerator(

@@ -12,7 +12,7 @@ from sidegan.design.excitation import measure_excitation
 from sidegan.errors import ArtifactError
 from sidegan.gan.pretraining import Labelled, Pretraining, label, load_surrogates, scaled_margins
 from sidegan.gan.settings import Reward
-from sidegan.gan.tensors import numpy_array, tensor
+from sidegan.gan.tensors import numpy_array
 from sidegan.gan.training import Refreshed
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, check
@@ -79,7 +79,7 @@ def test_trained_surrogates_load_frozen_and_identical(pretrained, planar, family
     reward = Reward(proportional=1.0, constant=1.0) if kind == "Predicting" else None
     variant, c = (
         replace(full, _target_=f"sidegan.gan.variants.{kind}", reward=reward),
-        tensor(seeds[:5]).float(),
+        torch.tensor(seeds[:5]).float(),
     )
     loaded, again = (load_surrogates(pretrained[0], variant, planar, family) for _ in range(2))
     for network, twin in zip(loaded, again):
@@ -106,7 +106,7 @@ def test_refreshed_surrogates_learn_what_the_generator_makes(made, full, taught)
     data, c = taught, model.generator.sample(400, 5)
     truth = label(data.constraints, data.trajectory, c, STEPS, lambda *_: None)
     assert truth.valid.mean() < 0.9
-    truth = Labelled(*map(tensor, truth))
+    truth = Labelled(*map(torch.tensor, truth))
 
     def known():
         wrong = predictor.loss(truth.c, truth.margins, truth.valid)

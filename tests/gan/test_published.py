@@ -166,6 +166,6 @@ def test_the_authors_predictor_accepts_their_motions_only_if_they_are_small():
     shipped, predictor = PublishedSeeds(AUTHORS), PublishedPredictor()
     predictor.load_state_dict({"scale": predictor.scale, **read_weights(shipped.weights("predictor"))})
     images = Layout(7, 6).image(shipped.read(FAMILY))
-    told = scores(predictor.accepts, images, images[:1])
+    told = scores(predictor.accepts, images, images[:1], images[:1], np.array([True]))
     assert told["accepted"] < 0.01 and told["accepted_25"] == 1
     assert told["accepted"] < told["accepted_75"] < told["accepted_50"] < told["accepted_25"]

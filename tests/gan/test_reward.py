@@ -10,9 +10,8 @@ from sidegan.design.objective import Penalty
 from sidegan.design.prediction import random_motions
 from sidegan.design.problem import Problem
 from sidegan.gan.metrics import noises
-from sidegan.gan.reward import Energies, Worth, energies, violation
+from sidegan.gan.reward import DirectionEnergies, Energies, Worth, violation
 from sidegan.gan.settings import Reward
-from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane
 from tests.chains import driven
@@ -43,20 +42,22 @@ def slope_of(function, x):
 def assert_slope(function, c, noise):
     """The gradient of a number is that of central differences."""
     direction = noise.standard_normal(c.shape)
-    up, down = (float(function(tensor(c + step * direction))) for step in (1e-6, -1e-6))
-    expected = float((slope_of(function, tensor(c)) * tensor(direction)).sum())
+    up, down = (float(function(torch.tensor(c + step * direction))) for step in (1e-6, -1e-6))
+    expected = float((slope_of(function, torch.tensor(c)) * torch.tensor(direction)).sum())
     assert (up - down) / 2e-6 == pytest.approx(expected, rel=1e-4, abs=1e-6)
 
 
 def test_energies_are_those_of_the_gram_matrix(arm_problem, noise, directions):
     c = arm_problem.start(200, noise)
     expected = (directions * (arm_problem.gram(c) @ directions)).sum(1)
-    np.testing.assert_allclose(energies(arm_problem, tensor(c), directions, np.full(7, 2.0)), 4 * expected)
+    np.testing.assert_allclose(
+        DirectionEnergies.apply(torch.tensor(c), arm_problem, directions, np.full(7, 2.0)), 4 * expected
+    )
 
 
 def test_the_gradient_of_energies_agrees_with_finite_differences(arm_problem, noise, directions):
     def logs(x):
-        return energies(arm_problem, x, directions, np.linspace(9, 0.5, 7)).log().sum()
+        return DirectionEnergies.apply(x, arm_problem, directions, np.linspace(9, 0.5, 7)).log().sum()
 
     assert_slope(logs, arm_problem.start(4, noise, 0.9), noise)
 
@@ -70,7 +71,7 @@ def test_the_gradient_of_the_violation_agrees_with_finite_differences(arm_proble
         return violation(problem, x, Penalty(3.0)).square().sum()
 
     c = problem.start(4, noise, 1.6)
-    assert squares(tensor(c)) > 1e-3
+    assert squares(torch.tensor(c)) > 1e-3
     assert_slope(squares, c, noise)
 
 
@@ -79,10 +80,10 @@ def test_single_precision_and_rest_have_finite_energies_and_gradients(planar, no
     every, equal = np.eye(problem.body.parameters_count), np.ones(2)
 
     def total(x):
-        return energies(problem, x, every, equal).sum()
+        return DirectionEnergies.apply(x, problem, every, equal).sum()
 
     for c in (problem.start(4, noise), np.zeros((2, *problem.trajectory.shape))):
-        slope = slope_of(total, tensor(c).float())
+        slope = slope_of(total, torch.tensor(c).float())
         assert slope.dtype == torch.float32 and torch.isfinite(slope).all()
 
 
@@ -97,14 +98,14 @@ def worth(request, problem):
 
 
 def test_the_mean_is_worth_one_and_a_smaller_motion_less(worth, problem):
-    c = tensor(random_motions(problem, 8, seed=1))
+    c = torch.tensor(random_motions(problem, 8, seed=1))
     value = worth(torch.cat([c, 0.5 * c]))
     assert float(value[:8].exp().mean()) == pytest.approx(1, abs=1e-6)
     assert (value[8:] < value[:8]).all()
 
 
 def test_copies_are_worth_less_than_another(worth, problem):
-    c = tensor(random_motions(problem, 9, seed=1))
+    c = torch.tensor(random_motions(problem, 9, seed=1))
     copied, others = c[:1].expand(8, -1, -1, -1), c[1:]
     for _ in range(3):
         worth(copied)
@@ -116,12 +117,12 @@ def test_worth_by_energies_has_the_exact_gradient_at_the_seeds(constraints, fami
     seeds = seeds[:64]
     told = Energies(constraints, family, seeds)
     of_seeds = told(seeds)
-    logs = tensor(of_seeds).log()
+    logs = torch.tensor(of_seeds).log()
     np.testing.assert_allclose(of_seeds.mean(0), 1, rtol=0, atol=1e-6)
     for name, noise in noises(constraints.body).items():
         exact = Worth(told.problem, noise)
         exact.learn(seeds)
-        shares = tensor(exact.slope[1])
+        shares = torch.tensor(exact.slope[1])
         only = Reward(**{key: float(key == name) for key in told.parts})
         part = list(told.parts).index(name)
         slope = slope_of(lambda x, only=only: told.worth(x, only), logs)

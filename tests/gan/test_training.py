@@ -2,6 +2,7 @@ import math
 import signal
 from dataclasses import replace
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ import torch
 from sidegan.base.typed import changed
 from sidegan.design.fidelity import mean_distance
 from sidegan.errors import SideganError
+from sidegan.gan.losses import Loss
 from sidegan.gan.settings import GeneratorSettings
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories
+from sidegan.gan.variants import Vanilla
 from sidegan.validity import check
 from tests.gan.conftest import with_surrogates
 
@@ -34,6 +37,25 @@ def test_a_variant_with_every_loss_trains_and_leaves_its_surrogates(
     c = made.generator.sample(100, 3)
     assert check(constraints, family, c).valid.mean() > 0.3
     assert all(torch.equal(x, given[name]) for name, x in taught.converter.state_dict().items())
+
+
+class Late(Vanilla):
+    """Its discriminator counts after the first epoch, and is kept after each."""
+
+    kept: ClassVar[list] = []
+
+    def losses(self):
+        return [Loss(self.settings.weights.adversarial * (self.current_epoch > 0), self.discriminator)]
+
+    def on_train_epoch_end(self):
+        self.kept.append(self.discriminator.network.layers[0].weight.detach().clone())
+
+
+def test_a_discriminator_whose_weight_comes_later_learns_from_then_on(trained, vanilla, tmp_path):
+    variant = changed(vanilla, {"epochs": 3, "steps": 2, "weights": {"distance": 1.0}})
+    trained(replace(variant, _target_=f"{__name__}.Late"), tmp_path)
+    first, second, third = Late.kept
+    assert not torch.equal(first, second) and not torch.equal(second, third)
 
 
 def test_every_option_trains(trained, vanilla, tmp_path):

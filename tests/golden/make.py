@@ -25,7 +25,7 @@ from sidegan.design.excitation import excitation_of, information_of
 from sidegan.design.objective import Goal, Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.design.selection import a_optimal, d_optimal, greedy
-from sidegan.gan.reward import energies
+from sidegan.gan.reward import DirectionEnergies
 from sidegan.identification import FULL, RIGID, EstimationSettings, Measurements, Terms, TorqueModel, estimate
 from sidegan.identification.workflow import identify_arm
 from sidegan.library import Library
@@ -141,7 +141,7 @@ def _volume(problem: Problem, c: torch.Tensor) -> torch.Tensor:
         grams = gram(problem.body, problem.trajectory, pair.detach().numpy(), problem.samples, weights)
         whole = grams.sum(0)
         directions = subspace @ np.linalg.eigh(subspace.T @ whole @ subspace)[1]
-        logs.append(energies(problem, pair, directions, weights).sum(0).log())
+        logs.append(DirectionEnergies.apply(pair, problem, directions, weights).sum(0).log())
     return -torch.stack(logs).mean()
 
 
