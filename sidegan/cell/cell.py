@@ -1,6 +1,7 @@
 """The arm in its cell, with defaults for what the user does not set."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -85,7 +86,10 @@ class Cell:
         if self.choices.clearance is not None:
             self.workspace = replace(self.workspace, clearance=self.choices.clearance)
         # The same file for each use, wherever the process goes in between.
-        self._description = str(path.absolute()) if path.is_file() else self.robot
+        self._description = self.robot
+        with suppress(OSError):  # which loading reports
+            if path.is_file():
+                self._description = str(path.absolute())
 
     def __repr__(self) -> str:
         return f"Cell({self.robot!r}, harmonics={self.choices.harmonics}, period={self.choices.period:g})"

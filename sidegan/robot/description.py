@@ -97,7 +97,7 @@ def read_description(
     missing = dict(source.missing if planning else {})
     own = {x for link in moved.values() for joint in tree.path(link) for x in (joint.parent, joint.child)}
     for link, element in links.items():
-        if link not in own and not {*[*moved][-1:]} & {joint.name for joint in tree.path(link)}:
+        if link not in own and moving[-1] not in tree.path(link):  # nor behind the last joint
             _separate(element)
         if absent := _prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
             missing[link] = absent
@@ -246,7 +246,8 @@ def _group_states(urdf: Path, robot: str) -> dict[str, dict[str, float]]:
         for state in root.findall("group_state") if root.get("name") == robot else ():
             for joint in state.findall("joint"):
                 with suppress(ValueError):  # of joints with several degrees of freedom
-                    found[state.get("name", "")][joint.get("name", "")] = float(joint.get("value", ""))
+                    if math.isfinite(value := float(joint.get("value", ""))):
+                        found[state.get("name", "")][joint.get("name", "")] = value
     return found
 
 

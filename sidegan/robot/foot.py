@@ -1,6 +1,7 @@
 """What an arm stands on: the lowest point of its fixed links, and whose it is."""
 
 import xml.etree.ElementTree as ET
+from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,7 @@ from sidegan.robot.visuals import links_with_frames, read_surface
 _FLAT = 1e-3  # [m] from z = 0 within which points belong to a foot
 
 
+@lru_cache(maxsize=16)
 def foot(arm: Arm) -> tuple[float, bool, str]:
     """Lowest point of the fixed links [m], whether it is known, and the link that has it.
 

@@ -178,7 +178,7 @@ class _Described:
 
     def derivative(self, joint: UrdfJoint, kind: str) -> float:
         """Acceleration or jerk limit [rad or m, per s² or s³]; infinite if no positive one is stated."""
-        keys = [key for key in joint.part("limit").attrib if key.rpartition("}")[2] in _DERIVATIVES[kind]]
+        keys = [key for key in joint.part("limit").attrib if key.rpartition(":")[2] in _DERIVATIVES[kind]]
         values = [self._number(joint, key) for key in keys]
         return min((value for value in values if value > 0), default=math.inf)
 
@@ -234,7 +234,8 @@ def _in_other_units(
             value = [limit / x.reduction if geared else factor * limit for limit in own[x]]
             for side, limit in zip(_SIDES[kind], value):
                 setattr(found[x.name], side, limit)
-            values[x.name] = (value if len(value) > 1 else value[0]) if max(value) <= largest else FILL_IN
+            likely = value if len(value) > 1 else value[0]
+            values[x.name] = likely if max(map(abs, value)) <= largest else FILL_IN
         right = suggest_by_joint(f"limits.{kind}", values, given)
         said.append(
             f"{kind} limits of {listed(wrong, 4)} (up to {max(size[x] for x in beyond):.4g}) are beyond any "

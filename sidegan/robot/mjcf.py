@@ -76,8 +76,6 @@ def _notes(
     notes = []
     if left_out:
         notes.append(f"unsupported shapes left out: {listed(left_out)}")
-    if model.dof_armature.any():
-        notes.append("rotor inertias (armature) are not part of the rigid model")
     if floats := [body.name for body in spec.bodies if body.gravcomp]:
         notes.append(f"gravity of {listed(floats)} is compensated (gravcomp): actuator torques exclude it")
     if shown:

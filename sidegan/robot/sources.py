@@ -4,17 +4,13 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from xml.parsers import expat
 
 from sidegan.base.names import listed
 from sidegan.base.settings_text import FILL_IN, suggestion
 from sidegan.errors import RobotError
 from sidegan.robot.xml import Source
 
-_TAG = re.compile(rb"<[A-Za-z_/][^<>]*>")
-_PREFIX = re.compile(rb"(?:^<|\s)([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*")
-_DECLARED, _ROOT = re.compile(rb"\sxmlns:([\w.-]+)\s*="), re.compile(rb"<(?:robot|mujoco)\b")
-_XACRO = re.compile(r"\{[^}]*\bxacro/?\}")  # the namespace, of which there are several spellings
-_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _UNSET = re.compile(r"Undefined substitution argument (\w+)")
 _LOST = re.compile(r"Package not found: (\S+)")
 _USD = b"#usda", b"PXR-USDC"  # first bytes of such files
@@ -29,10 +25,9 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
         raise RobotError(f"cannot read {path}: {error.strerror}") from error
     if text.startswith(_USD) or path.suffix == ".usdz":
         raise RobotError(f"{path} is a USD file, expected URDF, xacro or MJCF: export one of these from it")
-    text = _bound(text)
     try:
-        root = ET.fromstring(text)
-    except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
+        root = parsed(text)
+    except (expat.ExpatError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
         raise RobotError(f"{path} is not well-formed XML: {error}") from error
     if root.tag == "mujoco":
         from sidegan.robot.mjcf import read_mjcf  # MuJoCo is slow to import
@@ -48,16 +43,14 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
     return Source(text, root)
 
 
-def _bound(text: bytes) -> bytes:
-    """A description with all its prefixes declared as namespaces: XML requires that, URDF readers do not."""
-    declared = {b"xml", b"xmlns", *_DECLARED.findall(text)}
-    loose = sorted({prefix for tag in _TAG.findall(text) for prefix in _PREFIX.findall(tag)} - declared)
-    names = b"".join(b' xmlns:%s="%s"' % (prefix, prefix) for prefix in loose)
-    comments = [match.span() for match in _COMMENT.finditer(text)]
-    for match in _ROOT.finditer(text):
-        if not any(begin < match.start() < end for begin, end in comments):
-            return text[: match.end()] + names + text[match.end() :]
-    return text
+def parsed(text: bytes, comments: bool = False) -> ET.Element:
+    """The root element of XML, whose names keep their prefixes: URDF does not declare all of them."""
+    builder = ET.TreeBuilder(insert_comments=comments)
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler, parser.CommentHandler = builder.data, builder.comment
+    parser.Parse(text, True)
+    return builder.close()
 
 
 def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
@@ -88,13 +81,13 @@ def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
 def _elements(path: Path, kind: str) -> list[ET.Element]:
     """The xacro elements of a kind outside of macros in a file that is not expanded; none if it is no XML."""
     try:
-        root = ET.fromstring(_bound(path.read_bytes()))
-    except (OSError, ET.ParseError, ValueError, LookupError):
+        root = parsed(path.read_bytes())
+    except (OSError, expat.ExpatError, ValueError, LookupError):
         return []
     for parent in [*root.iter()] if kind != "macro" else []:
-        for macro in [x for x in parent if _XACRO.sub("", x.tag) == "macro"]:
+        for macro in [x for x in parent if x.tag == "xacro:macro"]:
             parent.remove(macro)
-    return [x for x in root.iter() if _XACRO.fullmatch(x.tag[: -len(kind)]) and x.tag.endswith(kind)]
+    return [*root.iter(f"xacro:{kind}")]
 
 
 def _arguments(path: Path, args: Mapping[str, str], undefined: Sequence[str] = ()) -> str:

@@ -167,8 +167,8 @@ def read_tree(root: ET.Element, where: str) -> Tree:
 
 
 def _tag(element: ET.Element) -> str:
-    """An element's tag without its namespace; empty for comments."""
-    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
+    """An element's tag without its prefix."""
+    return element.tag.rpartition(":")[2]
 
 
 def _joint(element: ET.Element, name: str, at: str, reduction: float) -> UrdfJoint:

@@ -100,8 +100,7 @@ def _surface(shape: ET.Element, urdf: Path) -> "trimesh.Trimesh":
         scale = metres_per_unit(file) * np.array(xml.vector(shape, "scale", at, "1 1 1"))
         return trimesh.load_scene(file, process=False).to_mesh().apply_scale(scale)
     if shape.tag == "box":
-        half = np.array(xml.positive(shape, "size", at, 3)) / 2
-        return trimesh.creation.box(bounds=[-half, half])
+        return trimesh.creation.box(xml.positive(shape, "size", at, 3))
     (radius,) = xml.positive(shape, "radius", at)
     length = 0.0 if shape.tag == "sphere" else xml.positive(shape, "length", at)[0]
     if shape.tag == "cylinder":

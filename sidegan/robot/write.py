@@ -1,6 +1,5 @@
 """Writing of a URDF with other inertias and friction, and its torques."""
 
-import io
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
 from sidegan.robot.model import kinematics_and_inertias, pinocchio_model
 from sidegan.robot.placement import from_rpy
-from sidegan.robot.sources import read_source
+from sidegan.robot.sources import parsed, read_source
 from sidegan.robot.tree import read_tree
 from sidegan.robot.xml import words
 
@@ -51,9 +50,7 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
     source = read_source(arm.urdf, arm.setup.args)
     carriers = _carriers(arm, source.root)
     inertials = dict(zip(arm.link_names, map(_inertial, parameters)))
-    for prefix, uri in (pair for _, pair in ET.iterparse(io.BytesIO(source.text), ("start-ns",))):
-        ET.register_namespace(prefix, uri)
-    root = ET.fromstring(source.text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    root = parsed(source.text, comments=True)
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     for k, name in enumerate(arm.joint_names):
         _complete(joints[name], arm, k)
@@ -118,6 +115,8 @@ def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
         limit.set("upper", repr(float(arm.position_upper[k])))
     if not float(limit.get("velocity", "0")):
         limit.set("velocity", repr(float(arm.velocity_limit[k])))
+    if limit.attrib.pop("not_read", None) and np.isfinite(arm.torque_limit[k]):  # of an MJCF's motor
+        limit.set("effort", repr(float(arm.torque_limit[k])))
 
 
 def _round(root: ET.Element) -> None:

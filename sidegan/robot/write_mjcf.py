@@ -129,7 +129,7 @@ def _draw(arm: Arm, root: ET.Element) -> None:
             bodies[owner] = ET.SubElement(world if link < 0 else moving[link], "body", name=owner)
         ET.SubElement(bodies[owner], "geom", {"group": "1", "mass": "0"} | _shape(arm, k, assets))
     before = dict(arm.parents or ()).get(arm.link_names[0])
-    if before is not None:  # nested bodies count as neighbours
+    if before in bodies:  # nested bodies count as neighbours
         world.remove(moving[0])
         bodies[before].append(moving[0])
     if len(assets):

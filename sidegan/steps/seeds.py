@@ -61,13 +61,11 @@ def seeds(
 
 def _chosen(settings: Seeds | Mapping[str, Any] | None) -> Seeds:
     """Settings as given, with the defaults of their method; a ConfigError if they are wrong."""
-    if settings is None or isinstance(settings, Mapping):
-        chosen = seeds_recipe(**(settings or {}))
-    else:
-        chosen = settings_of(Seeds, settings)
-    if chosen.method == "published":
+    given = settings or {}
+    method = given.get("method") if isinstance(given, Mapping) else getattr(given, "method", None)
+    if method == "published":
         raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
-    return chosen
+    return seeds_recipe(**given) if isinstance(given, Mapping) else settings_of(Seeds, given)
 
 
 def optimised(cell: Cell, settings: Seeds, seed: int, work: Path, workers: int | None) -> SeedBatch:

@@ -39,7 +39,7 @@ def test_kernels_compiled_for_the_planar_arm_serve_every_arm(arm):
 def test_compilation_starts_once_if_a_core_is_free_and_it_is_not_done(open_, processes, started, monkeypatch):
     calls = []
     monkeypatch.setattr(subprocess, "Popen", lambda command, **_: calls.append(command))
-    monkeypatch.setattr(beside, "cores", lambda _: processes)
+    monkeypatch.setattr(beside, "worker_count", lambda _: processes)
     monkeypatch.setattr(type(visit), "to_be_compiled", lambda self: open_)
     beside.compile_beside.cache_clear()
     beside.compile_beside()

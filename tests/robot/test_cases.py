@@ -245,6 +245,7 @@ LIMITS_ELSEWHERE = {  # descriptions, what is asked, and the line that is filled
         "position={joint0: [-0.0872665, 0.0872665], ",
     ),
     "ticks": (arm_of(limit=limit(0, 4095)), "degrees", "position={joint0: …, joint1: …"),
+    "ticks down": (arm_of(limit=limit(-4095, 0)), "degrees", "position={joint0: …, joint1: …"),
     "speeds": (arm_of(limit=limit(velocity=180)), "degrees per second", "velocity={joint0: 3.14159, joint1"),
     "motors' speeds": (geared(100, velocity=314), "motors", "velocity={joint0: 3.14, joint1: 3.14"),
     "strokes": (mixed(limit(-180, 20), kind=SLIDE), "millimetres", "position={joint0: [-0.18, 0.02]}'"),

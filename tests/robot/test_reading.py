@@ -213,7 +213,12 @@ def test_tighter_soft_limits_apply(load, given):
 
 def test_acceleration_and_jerk_limits_are_read_from_a_urdf(load, tmp_path):
     ours = LIMIT.replace("/>", ' drake:acceleration="1.5" jerk="70" deceleration="1.25"/>')
-    for head in ("<robot", '<robot xmlns:drake="http://drake.mit.edu"'):
+    heads = (
+        "<robot",
+        '<robot xmlns:drake="http://drake.mit.edu"',
+        '<robot xmlns="http://a" xmlns:ns1="http://b"',
+    )
+    for head in heads:
         arm = load(arm_of(limit=ours).replace("<robot", head, 1))
         assert arm.acceleration_limit.tolist() == [1.25] * 4 and arm.jerk_limit.tolist() == [70] * 4
         assert "joint0, joint1, joint2, joint3 come from the description" in "; ".join(arm.notes)

@@ -12,7 +12,7 @@ import trimesh
 
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, write_mjcf
+from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, write_mjcf, write_urdf
 from sidegan.robot.meshes import find_mesh
 from sidegan.robot.sources import read_source
 from sidegan.validity.capsules import place_points
@@ -146,7 +146,6 @@ class TestMjcf:
         notes = "; ".join(arm.notes)
         assert "left_finger at 0.02 m, right_finger at 0 m" in notes
         assert arm.planes == ((0.0, 0.0, 1.0, 0.0),)
-        assert "rotor inertias (armature) are not part" in notes
         assert "gravcomp" not in notes
         assert "do not include" not in caplog.text
         text = MJCF.replace('<joint name="two"', '<joint name="two" stiffness="60"')
@@ -209,42 +208,44 @@ WELD, CONNECT = (
 CURVED = "<equality><joint joint1='{}' joint2='{}' polycoef='0 1 .5 0 0'/></equality>"
 STRETCHED = "<equality><tendon tendon1='{}'/></equality>"
 ANCHOR, OFF = "anchor='0 0 .4'", "anchor='0 0 .4' active='false'"
+FREE = Setup(tip="c", limits=Limits(velocity=1.0))
+STRONG = replace(FREE, limits=Limits(velocity=1.0, effort=9.0))
+STILL = replace(FREE, locked={"j_bar": 0.0})
 TIED = [  # an MJCF, what is said of it, and the setup with which it loads
-    (driven('<motor name="m" tendon="belt" ctrlrange="-6 6"/>', BELT), "tendon belt", "effort"),
-    (driven('<motor name="m" site="end" ctrlrange="-6 6"/>'), "actuator m", "effort"),
-    (driven("", CONNECT.format("bar", "c", ANCHOR), BAR), "equality_0 (bar, c)", "locked"),
+    (driven('<motor name="m" tendon="belt" ctrlrange="-6 6"/>', BELT), "tendon belt", STRONG),
+    (driven('<motor name="m" site="end" ctrlrange="-6 6"/>'), "actuator m", STRONG),
+    (driven("", CONNECT.format("bar", "c", ANCHOR), BAR), "equality_0 (bar, c)", STILL),
     (driven("", WELD.format("c")), "ja, jb, jc", None),
-    (driven('<motor tendon="belt"/>', BELT), "", "all"),  # its force has no limit
-    (driven('<motor tendon="grip" ctrlrange="-6 6"/>', GRIP), "", "all"),
-    (driven("", CONNECT.format("finger", "thumb", ANCHOR)), "", "all"),
-    (driven("", GRIP + STRETCHED.format("grip")), "", "all"),
+    (driven('<motor tendon="belt"/>', BELT), "", FREE),  # its force has no limit
+    (driven('<motor tendon="grip" ctrlrange="-6 6"/>', GRIP), "", FREE),
+    (driven("", CONNECT.format("finger", "thumb", ANCHOR)), "", FREE),
+    (driven("", GRIP + STRETCHED.format("grip")), "", FREE),
     (
         driven("", BELT + STRETCHED.format("belt")),
         "(b, a) ties jb; loop_joint equality_0 (c, b) ties jc",
         None,
     ),
-    (driven("", CONNECT.format("bar", "c", OFF), BAR), "", "all"),
+    (driven("", CONNECT.format("bar", "c", OFF), BAR), "", FREE),
     (driven("", CURVED.format("jc", "jb")), "equality_0 (c, b) ties jc", None),
-    (driven("", CURVED.format("j_thumb", "j_finger")), "", "all"),
+    (driven("", CURVED.format("j_thumb", "j_finger")), "", FREE),
 ]
-WAYS = {"effort": {"ja": 9.0, "jb": 9.0, "jc": 9.0}, "locked": {"j_bar": 0.0}}
 
 
-@pytest.mark.parametrize(("text", "said", "way"), TIED)
-def test_ties_and_motors_on_several_joints_are_refused_until_the_user_says_more(tmp_path, text, said, way):
-    (tmp_path / "arm.xml").write_text(text)
-    plain = Setup(tip="c", limits=Limits(velocity=1.0))
+@pytest.mark.parametrize(("text", "said", "setup"), TIED)
+def test_ties_and_motors_on_several_joints_are_refused_until_the_user_says_more(load, text, said, setup):
     if said:
         with refused(RobotError, said):
-            load_robot(tmp_path / "arm.xml", plain)
-    if way is not None:
-        limits = Limits(velocity=1.0, effort=WAYS["effort"] if way == "effort" else None)
-        arm = load_robot(
-            tmp_path / "arm.xml",
-            replace(plain, limits=limits, locked=WAYS["locked"] if way == "locked" else None),
-        )
+            load(text, FREE, name="arm.xml")
+    if setup is not None:
+        arm = load(text, setup, name="arm.xml")
         assert arm.joint_names == ("ja", "jb", "jc")
-        assert arm.torque_limit.tolist() == [9.0 if way == "effort" else 90.0] * 3
+        assert arm.torque_limit.tolist() == [9.0 if setup is STRONG else 90.0] * 3
+
+
+def test_a_torque_limit_that_the_user_gave_is_in_the_file_that_is_written(load, tmp_path):
+    arm = load(TIED[0][0], STRONG, name="arm.xml")
+    write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
+    assert load_robot(tmp_path / "out.urdf", FREE).torque_limit.tolist() == [9.0] * 3
 
 
 @pytest.mark.parametrize(
@@ -261,9 +262,8 @@ def test_ties_and_motors_on_several_joints_are_refused_until_the_user_says_more(
         (driven("", GRIP.replace('name="grip"', 'name="grip" stiffness="5"')), ""),
     ],
 )
-def test_what_acts_on_the_arm_and_is_left_out_is_named_once(tmp_path, caplog, text, said):
-    (tmp_path / "arm.xml").write_text(text)
-    load_robot(tmp_path / "arm.xml", Setup(tip="c", limits=Limits(velocity=1.0)))
+def test_what_acts_on_the_arm_and_is_left_out_is_named_once(load, caplog, text, said):
+    load(text, FREE, name="arm.xml")
     warned = [record.getMessage() for record in caplog.records if "do not include" in record.getMessage()]
     assert len(warned) == bool(said) and said in "".join(warned)
 

@@ -197,7 +197,8 @@ def tightened(model, name: str, margin: np.ndarray):
     less = less / (2 if name == "collision" else 1)  # of each of the two capsules
     bodies = model.bodies
     shapes, hulls = bodies.shapes, bodies.hulls
-    shapes = shapes._replace(radius=shapes.radius + less, size=shapes.size + abs(less))
+    outer = shapes.outer + less
+    shapes = shapes._replace(radius=shapes.radius + less, outer=outer, size=shapes.size + abs(less))
     hulls = hulls._replace(radius=hulls.radius + less)
     return model._replace(bodies=bodies._replace(shapes=shapes, hulls=hulls))
 
