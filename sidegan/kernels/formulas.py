@@ -1,22 +1,24 @@
 """Rigid-body formulas on tuples of numbers, shared by all kernels.
 
 Kernels inline them (``jit.inline_functions``); this file does not need numba. A rate is the time derivative
-of a vector's components in a link's frame, which turns at the joint's speed. A cell is a time interval of
-half width h around a sample. Bounds on torque changes in a cell come from the Newton–Euler recursion on
-norms: each quantity x of a link carries bounds on (|x|, |ẋ|, |ẍ|).
+of a vector's components in a link's frame, which turns at the joint's speed. A cell is a time interval
+around a sample. Bounds on torque changes in a cell come from the Newton–Euler recursion on norms: each
+quantity x of a link carries bounds on (|x|, |ẋ|, |ẍ|). All is in SI units; of prismatic joints, m in place
+of rad and N in place of N·m.
 """
 
 from typing import Any
 
-Scalar = Any  # or an array of them
+Scalar = Any  # a number, or an array of numbers for several states
 Vector = tuple[Scalar, Scalar, Scalar]
 Matrix = tuple[Vector, Vector, Vector]  # row by row
-Ten = tuple[Scalar, ...]  # a link's inertial parameters, in Pinocchio's order
+# Mass, first moments, and inertia xx, xy, yy, xz, yz, zz about the link's origin.
+Ten = tuple[Scalar, ...]
 # Angular velocity and acceleration, acceleration of the origin minus gravity.
 LinkMotion = tuple[Vector, Vector, Vector]
 Moving = tuple[LinkMotion, LinkMotion]  # a motion and its rate
 Wrench = tuple[Vector, Vector]  # force and moment
-Own = tuple[Scalar, Scalar, Scalar, Scalar]  # a joint's velocity and its first three derivatives, or bounds
+JointBounds = tuple[Scalar, Scalar, Scalar, Scalar]  # on a joint's speed, acceleration, jerk and snap
 Bounds = tuple[Scalar, Scalar, Scalar]  # on the norms of a vector, its rate and the rate of its rate
 MotionBounds = tuple[Bounds, Bounds, Bounds]  # of the vectors of a motion
 WrenchBounds = tuple[Bounds, Bounds]
@@ -59,12 +61,12 @@ def to_child(r: Matrix, x: Vector) -> Vector:
 
 def matrix_product(a: Matrix, b: Matrix) -> Matrix:
     """Product of two matrices."""
-    return to_child(b, a[0]), to_child(b, a[1]), to_child(b, a[2])
+    return to_child(b, a[0]), to_child(b, a[1]), to_child(b, a[2])  # row by row: (a b)ᵢ = bᵀ aᵢ
 
 
-def inertia_times(v: Ten, x: Vector) -> Vector:
+def inertia_times(link: Ten, x: Vector) -> Vector:
     """Product of a link's inertia matrix with a vector."""
-    xx, xy, yy, xz, yz, zz = v[4], v[5], v[6], v[7], v[8], v[9]
+    xx, xy, yy, xz, yz, zz = link[4], link[5], link[6], link[7], link[8], link[9]
     return dot((xx, xy, xz), x), dot((xy, yy, yz), x), dot((xz, yz, zz), x)
 
 
@@ -79,20 +81,20 @@ def link_motion(
     a = to_child(r, add(a, add(cross(alpha, shift), cross(w, cross(w, shift)))))
     w, alpha = to_child(r, w), to_child(r, alpha)
     turns = 1.0 - slides
-    rate, kick = scale(rates[0], axis), scale(rates[1], axis)
-    turning = cross(w, rate)
-    a = add(a, scale(slides, add(kick, scale(2.0, turning))))
-    alpha = add(alpha, scale(turns, add(kick, turning)))
-    return add(w, scale(turns, rate)), alpha, a
+    velocity, acceleration = scale(rates[0], axis), scale(rates[1], axis)
+    coriolis = cross(w, velocity)
+    a = add(a, scale(slides, add(acceleration, scale(2.0, coriolis))))
+    alpha = add(alpha, scale(turns, add(acceleration, coriolis)))
+    return add(w, scale(turns, velocity)), alpha, a
 
 
-def wrench_of(v: Ten, motion: LinkMotion) -> Wrench:
+def wrench_of(link: Ten, motion: LinkMotion) -> Wrench:
     """Force and moment about a link's origin that its motion requires."""
     w, alpha, a = motion
-    h = v[1], v[2], v[3]
-    turning = less(scale(dot(w, h), w), scale(dot(w, w), h))
-    force = add(scale(v[0], a), add(cross(alpha, h), turning))
-    about = add(inertia_times(v, alpha), cross(w, inertia_times(v, w)))
+    h = link[1], link[2], link[3]
+    centripetal = less(scale(dot(w, h), w), scale(dot(w, w), h))
+    force = add(scale(link[0], a), add(cross(alpha, h), centripetal))
+    about = add(inertia_times(link, alpha), cross(w, inertia_times(link, w)))
     return force, add(cross(h, a), about)
 
 
@@ -116,32 +118,33 @@ def link_motion_rate(
     """
     (axis, slides), (s, ds), (v, acc, jerk) = j, shifts, rates
     (w, al, a), (dw, dal, da) = parent
+    # The motion, and its parts again in the parent's frame, since their rates are needed.
     motion = link_motion(axis, slides, turn, s, (v, acc), parent[0])
-    arm = cross(w, s)
-    darm = add(cross(dw, s), cross(w, ds))
-    a = add(a, add(cross(al, s), cross(w, arm)))
-    da = add(da, add(add(cross(dal, s), cross(al, ds)), add(cross(dw, arm), cross(w, darm))))
+    sweep = cross(w, s)
+    dsweep = add(cross(dw, s), cross(w, ds))
+    a = add(a, add(cross(al, s), cross(w, sweep)))
+    da = add(da, add(add(cross(dal, s), cross(al, ds)), add(cross(dw, sweep), cross(w, dsweep))))
     turns = 1.0 - slides
-    rate, kick, jolt = scale(v, axis), scale(acc, axis), scale(jerk, axis)
-    spin = scale(turns, rate)
+    velocity, acceleration, jolt = scale(v, axis), scale(acc, axis), scale(jerk, axis)
+    spin = scale(turns, velocity)
     w, al, a = to_child(turn, w), to_child(turn, al), to_child(turn, a)
     dw, dal = less(to_child(turn, dw), cross(spin, w)), less(to_child(turn, dal), cross(spin, al))
     da = less(to_child(turn, da), cross(spin, a))
-    turning = add(cross(dw, rate), cross(w, kick))
-    da = add(da, scale(slides, add(jolt, scale(2.0, turning))))
-    dal = add(dal, scale(turns, add(jolt, turning)))
-    return motion, (add(dw, scale(turns, kick)), dal, da)
+    coriolis = add(cross(dw, velocity), cross(w, acceleration))
+    da = add(da, scale(slides, add(jolt, scale(2.0, coriolis))))
+    dal = add(dal, scale(turns, add(jolt, coriolis)))
+    return motion, (add(dw, scale(turns, acceleration)), dal, da)
 
 
-def wrench_rate(v: Ten, at: Moving) -> Wrench:
+def wrench_rate(link: Ten, at: Moving) -> Wrench:
     """Rates of the force and the moment that a link's motion requires, from the motion and its rate."""
     (w, _, _), (dw, dal, da) = at
-    h = v[1], v[2], v[3]
-    turning = add(scale(dot(dw, h), w), scale(dot(w, h), dw))
-    turning = less(turning, scale(2.0 * dot(w, dw), h))
-    force = add(scale(v[0], da), add(cross(dal, h), turning))
-    about = add(cross(dw, inertia_times(v, w)), cross(w, inertia_times(v, dw)))
-    return force, add(cross(h, da), add(inertia_times(v, dal), about))
+    h = link[1], link[2], link[3]
+    centripetal = add(scale(dot(dw, h), w), scale(dot(w, h), dw))
+    centripetal = less(centripetal, scale(2.0 * dot(w, dw), h))
+    force = add(scale(link[0], da), add(cross(dal, h), centripetal))
+    about = add(cross(dw, inertia_times(link, w)), cross(w, inertia_times(link, dw)))
+    return force, add(cross(h, da), add(inertia_times(link, dal), about))
 
 
 def wrench_rate_in_parent(
@@ -154,28 +157,31 @@ def wrench_rate_in_parent(
     return df, add(dn, add(cross(ds, to_parent(turn, f)), cross(s, df)))
 
 
-def columns_of(motion: LinkMotion, turn: Vector, linear: Vector) -> Ten:
+def regressor_entries(motion: LinkMotion, angular: Vector, linear: Vector) -> Ten:
     """A link's ten regressor entries for a joint that, at unit speed, gives its frame this twist."""
     w, alpha, a = motion
-    spin = less(scale(dot(w, linear), w), scale(dot(w, w), linear))
-    h = add(add(cross(linear, alpha), spin), cross(a, turn))
-    u = cross(turn, w)
+    centripetal = less(scale(dot(w, linear), w), scale(dot(w, w), linear))
+    h = add(add(cross(linear, alpha), centripetal), cross(a, angular))
+    u = cross(angular, w)
     return (
         dot(linear, a),
         h[0],
         h[1],
         h[2],
-        turn[0] * alpha[0] + u[0] * w[0],
-        turn[0] * alpha[1] + turn[1] * alpha[0] + u[0] * w[1] + u[1] * w[0],
-        turn[1] * alpha[1] + u[1] * w[1],
-        turn[0] * alpha[2] + turn[2] * alpha[0] + u[0] * w[2] + u[2] * w[0],
-        turn[1] * alpha[2] + turn[2] * alpha[1] + u[1] * w[2] + u[2] * w[1],
-        turn[2] * alpha[2] + u[2] * w[2],
+        angular[0] * alpha[0] + u[0] * w[0],
+        angular[0] * alpha[1] + angular[1] * alpha[0] + u[0] * w[1] + u[1] * w[0],
+        angular[1] * alpha[1] + u[1] * w[1],
+        angular[0] * alpha[2] + angular[2] * alpha[0] + u[0] * w[2] + u[2] * w[0],
+        angular[1] * alpha[2] + angular[2] * alpha[1] + u[1] * w[2] + u[2] * w[1],
+        angular[2] * alpha[2] + u[2] * w[2],
     )
 
 
-def drift(rate: Scalar, bound: Scalar, half: float) -> Scalar:
-    """Largest change in a cell of a quantity with this rate at its centre and a bounded second derivative."""
+def largest_change(rate: Scalar, bound: Scalar, half: float) -> Scalar:
+    """Largest change in a cell of half width h of a quantity x, h (|ẋ| + h/2 |ẍ|), from ẋ at its centre.
+
+    ``bound`` is that on |ẍ|.
+    """
     return half * (abs(rate) + half / 2 * bound)
 
 
@@ -184,37 +190,43 @@ def product_bounds(a: Bounds, b: Bounds) -> Bounds:
     return a[0] * b[0], a[0] * b[1] + a[1] * b[0], a[0] * b[2] + 2 * a[1] * b[1] + a[2] * b[0]
 
 
-def rotate_bounds(own: Own, a: Bounds) -> Bounds:
+def rotate_bounds(own: JointBounds, a: Bounds) -> Bounds:
     """Bounds on a vector rotated by a joint from the parent's frame to the link's, or back."""
     v, acc = own[0], own[1]
     return a[0], a[1] + v * a[0], a[2] + 2 * v * a[1] + (acc + v * v) * a[0]
 
 
-def link_bounds(slides: bool, own: Own, travel: Scalar, parent: MotionBounds) -> MotionBounds:
+def link_bounds(slides: bool, own: JointBounds, travel: Scalar, parent: MotionBounds) -> MotionBounds:
     """Bounds on a link's motion from those on its parent's and its joint's.
 
     ``travel`` bounds the distance between the two origins.
     """
     w, al, a = parent
     v, acc, jerk, snap = own
+    # on α + ω × ω ×, by which a vector fixed in the parent accelerates
     swing = add(al, product_bounds(w, w))
-    rate, kick = (v, acc, jerk), (acc, jerk, snap)
+    velocity, acceleration = (v, acc, jerk), (acc, jerk, snap)
     if slides:
         a = add(a, product_bounds(swing, (travel, v, acc)))
-        return w, al, add(a, add(kick, scale(2.0, product_bounds(w, rate))))
+        return w, al, add(a, add(acceleration, scale(2.0, product_bounds(w, velocity))))
     a = rotate_bounds(own, add(a, scale(travel, swing)))
     w, al = rotate_bounds(own, w), rotate_bounds(own, al)
-    return add(w, rate), add(al, add(kick, product_bounds(w, rate))), a
+    return add(w, velocity), add(al, add(acceleration, product_bounds(w, velocity))), a
 
 
-def wrench_bounds(mass: Scalar, first: Scalar, spin: Scalar, link: MotionBounds) -> WrenchBounds:
-    """Bounds on the force and the moment that a link's motion requires."""
+def wrench_bounds(mass: Scalar, first: Scalar, inertia: Scalar, link: MotionBounds) -> WrenchBounds:
+    """Bounds on the force and the moment that a link's motion requires.
+
+    ``first`` and ``inertia`` are the norms of its first moment and of its inertia matrix.
+    """
     w, al, a = link
     swing = add(al, product_bounds(w, w))
-    return add(scale(mass, a), scale(first, swing)), add(scale(first, a), scale(spin, swing))
+    return add(scale(mass, a), scale(first, swing)), add(scale(first, a), scale(inertia, swing))
 
 
-def wrench_bounds_in_parent(slides: bool, own: Own, travel: Scalar, wrench: WrenchBounds) -> WrenchBounds:
+def wrench_bounds_in_parent(
+    slides: bool, own: JointBounds, travel: Scalar, wrench: WrenchBounds
+) -> WrenchBounds:
     """Bounds on a link's wrench in its parent's frame and about its parent's origin."""
     f, n = wrench
     if slides:

@@ -15,7 +15,8 @@ from sidegan.kernels.dynamics import clear
 from sidegan.kernels.eigen import add_to, all_eigenpairs, factorise, invert_factor, product
 from sidegan.kernels.jit import kernel, part
 
-CONDITION, VARIANCE, VOLUME, TOOL = range(4)  # kinds of goals
+KINDS = ("condition", "variance", "volume", "tool")  # of goals
+CONDITION, VARIANCE, VOLUME, TOOL = range(len(KINDS))
 _TINY = 1e-300
 
 
@@ -38,27 +39,27 @@ class GoalArrays(NamedTuple):
 class GoalBuffers(NamedTuple):
     """Scratch arrays of one thread for a goal."""
 
-    product: Array  # (p, p)
+    square: Array  # eigenvectors as rows, or the inverse of the Cholesky factor of M, (p, p)
     inner: Array  # G in the orthonormal basis, (p, p)
-    whole: Array  # (p, p)
+    whole: Array  # M, then its factor, (p, p)
     values: Array  # eigenvalues in the smooth ratio, ascending, (K,)
-    slopes: Array  # (K,)
-    vectors: Array  # (K, p)
-    rows: Array  # for ``eigen``
+    slopes: Array  # derivatives of the ratio by them, (K,)
+    vectors: Array  # their eigenvectors, (K, p)
+    rows: Array  # for ``eigen``; the second one also holds a vector in passing
     shifts: Array  # for ``eigen``
-    halves: Array  # (R, p)
-    small: Array  # (R, R)
+    halves: Array  # L⁻¹ of the targets, with L Lᵀ = M, (R, p)
+    small: Array  # the targets' covariance or information, then its factor, (R, R)
     weights: Array  # of the directions, (D,)
     base: Array  # the directions over the base columns, (D, p)
 
 
 def goal_buffers(goal: GoalArrays) -> GoalBuffers:
-    """Scratch arrays for a goal, or any other with as many parameters and targets."""
+    """Scratch arrays for a goal; they fit all with as many parameters and targets."""
     size, targets = len(goal.prior), len(goal.targets)
     count, most = min(size, LOWEST + HIGHEST), max(size, 2 * targets)
     rows, shifts = eigen.eigen_buffers(size, max(count, 2))
     return GoalBuffers(
-        product=np.zeros((size, size)),
+        square=np.zeros((size, size)),
         inner=np.zeros((size, size)),
         whole=np.zeros((size, size)),
         values=np.zeros(count),
@@ -74,8 +75,8 @@ def goal_buffers(goal: GoalArrays) -> GoalBuffers:
 
 
 @kernel
-def _folded(subspace: Array, matrix: Array, out: Array) -> None:
-    """Write Cᵀ A for a sparse lower triangular C."""
+def _lower_transpose_times(subspace: Array, matrix: Array, out: Array) -> None:
+    """Write Cᵀ A for a lower triangular C, most of whose elements are zero: these are skipped."""
     size = len(subspace)
     for i in range(size):
         clear(out[i])
@@ -86,24 +87,32 @@ def _folded(subspace: Array, matrix: Array, out: Array) -> None:
 
 
 @kernel
-def to_orthonormal(subspace: Array, gram: Array, product: Array, inner: Array) -> float:
-    """Write Cᵀ G C for a sparse lower triangular C and symmetric G; returns its largest element."""
-    size, largest = len(subspace), 0.0
-    _folded(subspace, gram, inner)
+def to_orthonormal(subspace: Array, gram: Array, square: Array, inner: Array) -> float:
+    """Write Cᵀ G C for a sparse lower triangular C and symmetric G; ``square`` is scratch.
+
+    Returns its largest element, infinity if one of the diagonal is not finite.
+    """
+    size, largest, trace = len(subspace), 0.0, 0.0
+    _lower_transpose_times(subspace, gram, inner)
     for i in range(size):
         for j in range(size):
-            product[j, i] = inner[i, j]
-    _folded(subspace, product, inner)
+            square[j, i] = inner[i, j]
+    _lower_transpose_times(subspace, square, inner)  # Cᵀ (Cᵀ G)ᵀ
     for i in range(size):
         largest = max(largest, inner[i, i])  # positive semi-definite: no element is larger
+        trace += inner[i, i]
         for j in range(i):
             inner[i, j] = inner[j, i]
-    return largest
+    return largest if math.isfinite(trace) else np.inf
 
 
 @kernel
 def _smooth_ratio(values: Array, slopes: Array) -> float:
-    """Smooth log ratio of the largest to the smallest of ascending positive values; writes its gradient."""
+    """Smooth log ratio of the largest to the smallest of ascending positive values; writes its gradient.
+
+    The logarithm of Σ λˢ over the largest, to the power 1/s, over the same of the smallest, 1/λ; values are
+    raised to at least the largest over ``HOPELESS``.
+    """
     count, total = len(values), 0.0
     floor = max(values[count - 1] / HOPELESS, _TINY)
     for k in range(count):
@@ -123,7 +132,7 @@ def _smooth_ratio(values: Array, slopes: Array) -> float:
 
 
 @kernel
-def _end_of(matrix: Array, count: int, k: int) -> int:
+def _index_of_rank(matrix: Array, count: int, k: int) -> int:
     """Diagonal index of the k-th, in ascending order, of the ``count`` smallest and largest elements."""
     size = len(matrix)
     rank = k if k < LOWEST else size - count + k
@@ -133,12 +142,12 @@ def _end_of(matrix: Array, count: int, k: int) -> int:
             smaller += matrix[m, m] < matrix[i, i] or (matrix[m, m] == matrix[i, i] and m < i)
         if smaller == rank:
             return i
-    return 0  # NaN has no rank: the goal is infinite then
+    return 0  # only for NaN
 
 
 @part
 def _ends(work: GoalBuffers) -> None:
-    """Eigenpairs at both ends of the spectrum of the inner matrix; ``whole`` holds a copy."""
+    """Write the eigenpairs at both ends of the spectrum of ``inner``; ``whole``, its copy, is overwritten."""
     size, whole, count = len(work.inner), work.whole, len(work.values)
     if size > count:
         sound = eigen.extreme_eigenpairs(whole, LOWEST, work.values, work.vectors, work.rows, work.shifts)
@@ -147,12 +156,12 @@ def _ends(work: GoalBuffers) -> None:
         for i in range(size):
             for j in range(size):
                 whole[i, j] = work.inner[i, j]
-    all_eigenpairs(whole, work.product)
+    all_eigenpairs(whole, work.square)
     for k in range(count):
-        i = _end_of(whole, count, k)
+        i = _index_of_rank(whole, count, k)
         work.values[k] = whole[i, i]
         for m in range(size):
-            work.vectors[k, m] = work.product[i, m]
+            work.vectors[k, m] = work.square[i, m]
 
 
 @kernel
@@ -190,7 +199,7 @@ def _transpose_times(inverse: Array, half: Array, x: Array) -> None:
 
 @kernel
 def _eliminate(factor: Array, rows: Array, size: int) -> None:
-    """Multiply rows by R⁻¹ in place, for a lower triangular R."""
+    """Multiply rows by L⁻¹ in place, for a lower triangular L."""
     for m in range(len(factor)):
         for k in range(m):
             add_to(rows[m], -factor[m, k], rows[k], size)
@@ -200,7 +209,7 @@ def _eliminate(factor: Array, rows: Array, size: int) -> None:
 
 @kernel
 def _log_det(factor: Array) -> float:
-    """Log determinant of R Rᵀ for a lower triangular R."""
+    """Log determinant of L Lᵀ for a lower triangular L."""
     total = 0.0
     for m in range(len(factor)):
         total += 2 * math.log(factor[m, m])
@@ -210,7 +219,7 @@ def _log_det(factor: Array) -> float:
 @kernel
 def _covariance(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[float, int]:
     """Log trace or log determinant of the targets' covariance, and the number of directions written."""
-    size, count, inverse, halves, trace = len(subspace), len(goal.targets), work.product, work.halves, 0.0
+    size, count, inverse, halves, trace = len(subspace), len(goal.targets), work.square, work.halves, 0.0
     for m in range(count):
         _times(inverse, goal.targets[m], halves[m])
         trace += product(halves[m], halves[m], size)
@@ -232,10 +241,10 @@ def _covariance(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[f
 def _tool(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[float, int]:
     """Log determinant of a tool's covariance, and the number of directions written.
 
-    With t = amount · G A, K = prior + runs · amount · G and X = K⁻¹ t, the tool's information is
-    S = tool_prior + Aᵀ t − tᵀ X, and dS = amount · ((A − X)ᵀ dG (A − X) + (runs − 1) Xᵀ dG X).
+    With U = amount · G Aᵀ, K = prior + runs · amount · G and X = K⁻¹ U, the tool's information is
+    S = tool_prior + A U − Uᵀ X, and dS = amount · ((Aᵀ − X)ᵀ dG (Aᵀ − X) + (runs − 1) Xᵀ dG X).
     """
-    size, count, inverse = len(subspace), len(goal.targets), work.product
+    size, count, inverse = len(subspace), len(goal.targets), work.square
     pulled, solved, halves = work.base[:count], work.base[count : 2 * count], work.halves
     for m in range(count):
         for i in range(size):
@@ -264,9 +273,10 @@ def _tool(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[float, 
 def goal_of(goal: GoalArrays, subspace: Array, gram: Array, work: GoalBuffers) -> tuple[float, int]:
     """Goal for a Gram matrix of the base columns (p, p), and the number of directions written.
 
-    If the matrix is not finite or not positive definite, the goal is infinite without directions.
+    Infinite, without directions, if the matrix is not finite or, but for the condition number, not positive
+    definite. That of a singular matrix is ``HOPELESS``.
     """
-    scale = to_orthonormal(subspace, gram, work.product, work.inner)
+    scale = to_orthonormal(subspace, gram, work.square, work.inner)
     if not (math.isfinite(scale) and scale > 0):
         return np.inf, 0
     runs = goal.runs if goal.kind == TOOL else 1.0
@@ -277,5 +287,5 @@ def goal_of(goal: GoalArrays, subspace: Array, gram: Array, work: GoalBuffers) -
         return _condition(goal, subspace, work), len(work.values)
     if not factorise(work.whole):
         return np.inf, 0
-    invert_factor(work.whole, work.product)
+    invert_factor(work.whole, work.square)
     return _tool(goal, subspace, work) if goal.kind == TOOL else _covariance(goal, subspace, work)

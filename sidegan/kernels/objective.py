@@ -295,7 +295,7 @@ def _ratio(plan: Plan, weakest: int, work: PlanBuffers) -> float:
     extra, size = (plan.extra, work.signals), len(plan.subspace)
     weighted_grams(plan.chain, work.states, plan.columns, extra, work.gram, work.lanes, work.y)
     inner = work.goal.inner
-    scale = to_orthonormal(plan.subspace, work.gram[0], work.goal.product, inner)
+    scale = to_orthonormal(plan.subspace, work.gram[0], work.goal.square, inner)
     if not (math.isfinite(scale) and scale > 0):
         return np.inf
     for i in range(size):

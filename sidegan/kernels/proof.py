@@ -35,7 +35,7 @@ from sidegan.kernels.cells import (
 )
 from sidegan.kernels.chain import Shapes
 from sidegan.kernels.distances import from_region, near_region
-from sidegan.kernels.formulas import Vector, dot, drift, less, scale, to_parent
+from sidegan.kernels.formulas import Vector, dot, largest_change, less, scale, to_parent
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import TOUCHING, matrix, row, set_row
 
@@ -116,10 +116,10 @@ def _check_higher(model: Model, work: Work, motions: Motions, here: Here, smalle
         jerk, snap = work.state[3, j], 0.0
         for k in range(c.shape[2]):
             snap += basis[here.at, 4, k] * c[n, j, k]
-        slack = drift(jerk, motions.drifts[0, n, j], here.half)
+        slack = largest_change(jerk, motions.drifts[0, n, j], here.half)
         margin = model.higher[0, j] - abs(work.state[2, j])
         undecided |= _settle(margin, slack, here, (ACCELERATION, j), smallest)
-        slack = drift(snap, motions.drifts[1, n, j], here.half)
+        slack = largest_change(snap, motions.drifts[1, n, j], here.half)
         undecided |= _settle(model.higher[1, j] - abs(jerk), slack, here, (JERK, j), smallest)
     return undecided
 
@@ -141,7 +141,7 @@ def _check_torques(model: Model, work: Work, motions: Motions, here: Here, small
         return False
     torque_rates(model, work)
     for j in range(len(model.home)):
-        slack = min(half * bent[0, j], drift(work.torque[1, j], bent[1, j], half))
+        slack = min(half * bent[0, j], largest_change(work.torque[1, j], bent[1, j], half))
         undecided |= _settle(model.torque[j] - abs(work.torque[0, j]), slack, here, (TORQUE, j), smallest)
     return undecided
 

@@ -18,7 +18,7 @@ from sidegan.kernels.dynamics import (
     step_of,
     store,
 )
-from sidegan.kernels.formulas import add, columns_of, cross, scale, to_child
+from sidegan.kernels.formulas import add, cross, regressor_entries, scale, to_child
 from sidegan.kernels.jit import inline_in_any_order, kernel, kernel_in_any_order
 from sidegan.kernels.links import ChainJoint, joint
 
@@ -55,7 +55,7 @@ def _new_screw(j: ChainJoint, screw: Lanes, width: int) -> None:
 def _columns(link: Lanes, screw: Lanes, ten: Lanes, width: int) -> None:
     """Write a link's ten regressor entries in one joint's row."""
     for n in range(min(width, LANES)):
-        x = columns_of(load_motion(link, n), load(screw, 0, n), load(screw, 3, n))
+        x = regressor_entries(load_motion(link, n), load(screw, 0, n), load(screw, 3, n))
         ten[n] = x[0]
         store(ten, 1, n, (x[1], x[2], x[3]))
         store(ten, 4, n, (x[4], x[5], x[6]))

@@ -59,7 +59,7 @@ def doubtful_links(arm: Arm) -> dict[str, str]:
     shaped = np.isin(np.arange(arm.joints), arm.capsules.link)
     most = np.where(shaped, thresholds.GYRATION_SHAPED, thresholds.GYRATION_UNSEEN)
     outside = radius > most * np.maximum(size, thresholds.SHORTEST_LINK * length_of(vars(arm)))
-    light = (mass < thresholds.LIGHT_LINK * usual) & (mass < thresholds.FOAM * size**3)
+    light = (mass < thresholds.LIGHT_LINK * usual) & (mass < thresholds.DENSITY_OF_FOAM * size**3)
     found = dict[str, str]()
     for i, name in enumerate(arm.link_names):
         if not located[i]:
@@ -82,7 +82,7 @@ def describe_other_units(arm: Arm) -> str:
             f"the links weigh {whole:.5g} kg and reach {reach:.2g} m: are these grams? In kg: "
             f"{listed(kilograms)}; look at inertias, too"
         )
-    wrong = np.flatnonzero(radius > max(thresholds.GYRATION, thresholds.GYRATION_REACHES * reach))
+    wrong = np.flatnonzero(radius > max(thresholds.GYRATION, thresholds.GYRATION_PER_REACH * reach))
     if wrong.size:
         inside = (_PLAIN * reach / 2 / np.median(radius[wrong])) ** 2
         unit, factor = min(thresholds.INERTIA_UNITS.items(), key=lambda one: abs(math.log(one[1] / inside)))

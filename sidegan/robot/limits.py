@@ -14,7 +14,7 @@ from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
 from sidegan.robot.joint_limits import completed_by_file
 from sidegan.robot.setup import Limits
-from sidegan.robot.thresholds import LIMITS, TURN, WIDER_LIMIT
+from sidegan.robot.thresholds import FULL_TURN, LIMITS, WIDER_BY
 from sidegan.robot.tree import Tree, UrdfJoint, similar_names
 from sidegan.robot.units import made_up
 
@@ -248,7 +248,7 @@ def _described(joint: UrdfJoint, kind: str, given: dict[str, Any]) -> bool:
     """Whether a joint's limit is the description's, or may be in degrees as the description's is not."""
     own = max(abs(xml.number_or_zero(joint.part("limit").get(key))) for key in ("lower", "upper"))
     if kind == "position":
-        return joint.kind != "continuous" and (joint.name not in given or 0 < own <= TURN)
+        return joint.kind != "continuous" and (joint.name not in given or 0 < own <= FULL_TURN)
     return joint.name not in given
 
 
@@ -262,7 +262,7 @@ def _wider(joint: UrdfJoint, limits: JointLimits) -> list[str]:
     for kind, unit in units.items():
         value = getattr(limits, kind)
         own = xml.number_or_zero(joint.part("limit").get(kind))
-        if own and (own - value if kind == "lower" else value - own) > WIDER_LIMIT * abs(own):
+        if own and (own - value if kind == "lower" else value - own) > WIDER_BY * abs(own):
             wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider
 

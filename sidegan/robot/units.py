@@ -9,7 +9,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.thresholds import ENDLESS, ROUND_NUMBER, TURN
+from sidegan.robot.thresholds import ENDLESS, FULL_TURN, ROUND_NUMBER
 
 
 def made_up(size: float, largest: float) -> bool:
@@ -21,7 +21,7 @@ def made_up(size: float, largest: float) -> bool:
 
 def meant_in_degrees(rpy: tuple[float, ...]) -> list[float]:
     """Roll, pitch and yaw [rad] that were stated in degrees; empty unless one is beyond a turn."""
-    return [math.radians(x) for x in rpy] if max(map(abs, rpy)) > TURN else []
+    return [math.radians(x) for x in rpy] if max(map(abs, rpy)) > FULL_TURN else []
 
 
 def refuse_angles(root: ET.Element, where: str) -> None:

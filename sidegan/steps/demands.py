@@ -12,8 +12,12 @@ from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.robot import placeholder_links
 
 _DISTANCE_RATE = 25.0  # [Hz] at which distances are computed
-_RATES = {"velocity": (1, "/s"), "acceleration": (2, "/s²"), "jerk": (3, "/s³")}  # order and unit
-_UNLIMITED = np.array(np.inf)
+_DERIVATIVES = {
+    "velocity": (1, "/s"),
+    "acceleration": (2, "/s²"),
+    "jerk": (3, "/s³"),
+}  # order, unit
+_UNKNOWN = "—"
 
 
 def energy_of(cell: Cell, motion: Motion) -> Array:
@@ -23,35 +27,38 @@ def energy_of(cell: Cell, motion: Motion) -> Array:
 
 
 def demands_of(cell: Cell, family: Trajectory, c: Array, conditions: Array, rate: float) -> pd.DataFrame:
-    """Demands of each trajectory as text: peaks at a rate [Hz], clearance and energy.
+    """Demands of each trajectory as text, a row each: cond(YᵀY), peaks, clearance and energy.
 
-    Trajectories have coefficients [rad/s], (N, J, H, 2), and condition numbers, (N,).
+    Trajectories have coefficients [rad/s], (N, J, H, 2), and condition numbers, (N,). Peaks are of samples at
+    a rate [Hz], and relative to the arm's full limits. What needs masses is unknown without them.
     """
     arm = cell.whole_arm
     times = family.times(rate)
     motion = family.roll_out(c, times)
     q = family.derivative(c, family.times(_DISTANCE_RATE), 0)
     nearest = cell.constraints.nearest(q.reshape(-1, arm.joints))[0].reshape(len(q), -1).min(1)
-    known = bool(arm.inertial_parameters.any()) and not placeholder_links(arm)
+    masses_known = bool(arm.inertial_parameters.any()) and not placeholder_links(arm)
     limits = {"velocity": arm.velocity_limit, **arm.higher_limits}
     columns: dict[str, list[str] | str] = {"cond(YᵀY)": [plain(x) for x in conditions.tolist()]}
-    for name, (order, per) in _RATES.items():
+    for name, (order, per) in _DERIVATIVES.items():
         units = [f"{'m' if slides else 'rad'}{per}" for slides in arm.prismatic]
-        columns[f"peak {name}"] = _peaks(
-            family.derivative(c, times, order), limits.get(name, _UNLIMITED), units
-        )
+        columns[f"peak {name}"] = _peaks(family.derivative(c, times, order), limits.get(name), units)
     units = ["N" if slides else "N·m" for slides in arm.prismatic]
     torque = cell.body.drive_torque(*motion[1:])
-    columns["peak torque"] = _peaks(torque, arm.torque_limit, units) if known else "—"
-    columns["clearance [m]"] = [f"{x:.3f}" if isfinite(x) else "—" for x in nearest.tolist()]
-    columns["energy [J]"] = [plain(x) for x in energy_of(cell, motion).tolist()] if known else "—"
+    columns["peak torque"] = _peaks(torque, arm.torque_limit, units) if masses_known else _UNKNOWN
+    columns["clearance [m]"] = [f"{x:.3f}" if isfinite(x) else "none near" for x in nearest.tolist()]
+    columns["energy [J]"] = [plain(x) for x in energy_of(cell, motion).tolist()] if masses_known else _UNKNOWN
     return pd.DataFrame(columns, pd.RangeIndex(1, len(c) + 1, name="trajectory"))
 
 
-def _peaks(x: Array, limit: Array, units: list[str]) -> list[str]:
-    """Largest value over joints (N, T, J), relative to limits (J,), as text with share and unit, (N,)."""
-    most = np.abs(x).max(1)
-    limited = np.isfinite(limit).any()
-    share = most / limit if limited else most
-    values = [f"{plain(row[j])} {units[j]}" for row, j in zip(most, share.argmax(1))]
-    return [f"{used:.0%}, {value}" for used, value in zip(share.max(1), values)] if limited else values
+def _peaks(signal: Array, limit: Array | None, units: list[str]) -> list[str]:
+    """Peak of each trajectory (N, T, J) at the joint that comes closest to its limit, (J,), (N,) texts.
+
+    They are like "83%, 1.2 rad/s"; without limits the largest number alone.
+    """
+    most = np.abs(signal).max(1)
+    if limit is None or not np.isfinite(limit).any():
+        return [f"{plain(row[j])} {units[j]}" for row, j in zip(most, most.argmax(1))]
+    share = most / limit
+    worst = zip(share, most, share.argmax(1))
+    return [f"{used[j]:.0%}, {plain(row[j])} {units[j]}" for used, row, j in worst]

@@ -14,13 +14,15 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.robot.consistency import describe_other_units
 from sidegan.robot.sources import read_source
-from sidegan.robot.thresholds import FAST_JOINT, FASTEST_TIP, LIMITS, TURN
+from sidegan.robot.thresholds import FULL_TURN, LIMITS
 from sidegan.robot.units import reductions_of
 from sidegan.validity.check import check
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.pairs import random_configurations
 from sidegan.validity.thresholds import (
     COINCIDENCE,
+    FAST_JOINT,
+    FASTEST_TIP,
     GEARED,
     LEG_JOINTS,
     MOSTLY_HELD,
@@ -93,9 +95,11 @@ def describe_placeholder_limits(arm: Arm) -> str:
     turns = ~arm.prismatic
     span = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
     alike = (span[:, None] == span[turns]).sum(1) > 1
-    most = {kind: np.where(turns, turning[0], sliding[0]) for kind, (turning, sliding) in LIMITS.items()}
+    most = {
+        kind: np.where(turns, turning.value, sliding.value) for kind, (turning, sliding) in LIMITS.items()
+    }
     kinds = {
-        "position": (span, (span > most["position"]) | (turns & alike & (span > TURN))),
+        "position": (span, (span > most["position"]) | (turns & alike & (span > FULL_TURN))),
         "velocity": (arm.velocity_limit, (arm.velocity_limit > most["velocity"]) | _motors(arm)),
         "effort": (arm.torque_limit, _strong(arm, most["effort"])),
     }

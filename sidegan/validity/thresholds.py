@@ -10,6 +10,9 @@ SPARE_TORQUE = 20.0  # largest plausible ratio of the weakest joint's limit to t
 PLAUSIBLE_TORQUE = 100.0  # [N·m] always plausible for the weakest joint
 PLAUSIBLE_UNKNOWN = 1000.0  # [N·m] the same without masses
 
+# Velocity limits are probably the motors' if half of the turning joints exceed [rad/s], and one alone
+# moves the tip faster than [m/s].
+FAST_JOINT, FASTEST_TIP = 15.0, 12.0
 LEG_JOINTS = 3  # an arm of no more may be a leg, whose tip is as fast as an arm's with the motors' velocities
 
 # Share of the limits to use by default: leaves room for feed-forward errors of a quarter.

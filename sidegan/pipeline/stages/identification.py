@@ -1,8 +1,8 @@
 """Stages identification and plant: identify the arm from every excitation set, and predict test torques.
 
-Stage identification adds noise to exact motions. Stage plant uses MuJoCo plants with unmodelled friction,
-elastic joints, links that differ from the description, and servos with a feedforward of the described arm.
-Test torques are exact.
+Stage identification adds noise to exact motions. Stage plant uses plants, arms simulated in MuJoCo with
+unmodelled friction, elastic joints, links that differ from the description, and servos with a feedforward of
+the described arm. Test torques are exact. Sets without a training have number 0.
 """
 
 from collections.abc import Callable
@@ -34,54 +34,65 @@ def identification(run: RunContext, excitation: ExcitationSet) -> Artifact:
 
 
 def plant(run: RunContext, excitation: ExcitationSet) -> Artifact:
-    """Errors of identification from a set that plants execute."""
-    tests = run.cfg.identification
-    settings = asdict(run.cfg.plants) | {"tests": tests.tests, "reach": tests.reach}
+    """Errors of models identified from what simulated plants record of a set."""
+    study_settings = run.cfg.identification
+    settings = asdict(run.cfg.plants) | {"tests": study_settings.tests, "reach": study_settings.reach}
     return _of_set("plant", run, excitation, _execute, settings)
 
 
 def _of_set(
-    maker: str, run: RunContext, chosen: ExcitationSet, make: Callable[..., None], settings: dict[str, Any]
+    maker: str,
+    run: RunContext,
+    excitation: ExcitationSet,
+    make: Callable[..., None],
+    settings: dict[str, Any],
 ) -> Artifact:
-    make, inputs = partial(make, excitation=chosen), {chosen.source.maker: chosen.source}
-    return run.artifact(maker, chosen.name, make, settings, inputs, chosen.training, metrics=_mean_errors)
+    make, inputs = partial(make, excitation=excitation), {excitation.source.maker: excitation.source}
+    return run.artifact(
+        maker, excitation.name, make, settings, inputs, excitation.training, metrics=_mean_errors
+    )
 
 
 def _mean_errors(folder: Path) -> Metrics:
-    """Mean nMSE over joints and noise draws, unweighted and weighted."""
+    """Mean nMSE over joints and repeats, which are noise draws or plants, unweighted and weighted."""
     mean = pd.read_parquet(folder / RESULTS).groupby("weighted").nmse.mean()
-    return {"nmse_weighted" if key else "nmse": float(value) for key, value in mean.items()}
+    names = {False: "nmse", True: "nmse_weighted"}
+    return {names[bool(key)]: float(value) for key, value in mean.items()}
 
 
 def _identify(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
-    settings, body, name = run.cfg.identification, run.cell.body, excitation.name
-    tests = run.cell.trajectory, test_trajectories(run)
+    """Write drawn errors with facts, and expected errors under both kinds of noise; see ``study``."""
+    settings, body = run.cfg.identification, run.cell.body
+    test_set = run.cell.trajectory, test_trajectories(run)
     family, c = excitation.family, run.load(excitation.source).coefficients
     random = run.random("identification")
-    frames = study.drawn_errors(body, name, (family, c), tests, settings, random, build.report)
-    expected = study.expected_errors(body, (family, c), tests, settings).assign(noise="paper")
-    # under constant noise, with joints weighted by it
+    results, facts = study.drawn_errors(
+        body, excitation.name, (family, c), test_set, settings, random, build.report
+    )
+    expected = study.expected_errors(body, (family, c), test_set, settings).assign(noise="paper")
+    # also under constant noise, as of real sensors, with joints weighted by it
     predicting = prediction(run, TorqueNoise.constant(body, settings.constant), family)
-    nmse = predicting.nmse(*(x.sum(0, keepdims=True) for x in predicting.informations(c)))[0].tolist()
+    information, noise = (x.sum(0, keepdims=True) for x in predicting.informations(c))
+    nmse = predicting.nmse(information, noise)[0].tolist()
     columns = {"weighted": True, "joint": run.cell.arm.joint_names, "nmse": nmse, "noise": "constant"}
-    expected = pd.concat([expected, pd.DataFrame(columns)]).assign(set=name)
-    for file, frame in zip((RESULTS, FACTS, EXPECTED), (*frames, expected)):
+    expected = pd.concat([expected, pd.DataFrame(columns)]).assign(set=excitation.name)
+    for file, frame in {RESULTS: results, FACTS: facts, EXPECTED: expected}.items():
         write_parquet(build.folder / file, arrow(frame.assign(training=excitation.training or 0)))
 
 
 def _execute(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
-    settings = run.cfg.plants
-    coefficients = run.load(excitation.source).coefficients
+    """Write errors on test torques without noise; a repeat is a plant, the same ones for every set."""
+    settings, model = run.cfg.plants, TorqueModel(run.cell.body, run.cfg.plants.model)
+    executed = run.load(excitation.source).coefficients
     tests = test_trajectories(run)
-    model = TorqueModel(run.cell.body, settings.model)
     rows = []
     for number, seed in enumerate(run.random("plants").spawn(settings.count)):
-        machine = VariedPlant(run.cell.arm, settings.plant, seed)
+        simulated = VariedPlant(run.cell.arm, settings.plant, seed)
         random = np.random.default_rng(run.number(f"plant {number}"))
-        training = recorded(machine, excitation.family, coefficients, settings.sensors, random)
-        unseen = recorded(machine, run.cell.trajectory, tests, settings.sensors)  # without noise
+        training = recorded(simulated, excitation.family, executed, settings.sensors, random)
+        unseen = recorded(simulated, run.cell.trajectory, tests, settings.sensors)
         learned, test = ([Measurements(*parts) for parts in zip(*states)] for states in (training, unseen))
-        for weighted, method in {False: "ols", True: "weighted"}.items():
+        for weighted, method in ((False, "ols"), (True, "weighted")):
             parameters = estimate(method, model, learned).parameters
             errors = score(model, parameters, test).nmse.tolist()
             key = (excitation.name, excitation.training or 0, number, weighted)
