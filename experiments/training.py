@@ -113,7 +113,7 @@ def figure(
     """Metrics after every epoch, the seeds' dashed, and those of seeds and generated ones together."""
     invalid = histories.assign(invalid=1 - histories.success)
     references = {SEEDS: seeds | {"invalid": 1 - seeds["success"]}, "union": union or {}}
-    return figures.panels(invalid, figures.METRICS, references)
+    return figures.panels(invalid, references)
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from sidegan.errors import ArtifactError, ConfigError, ShapeError, SideganError, StorageError
 
 if TYPE_CHECKING:  # slow to import, as NumPy is, and `--help` must not wait for them
+    import pandas as pd
     import pyarrow as pa
 
     from sidegan.base.arrays import Array
@@ -147,6 +148,13 @@ def read_arrays(path: Path) -> "dict[str, Array]":
 
     with reading(path, "NumPy"), np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
         return dict(file)
+
+
+def write_frame(path: Path, frame: "pd.DataFrame") -> None:
+    """Write a frame without its index as Parquet; see ``write_parquet``."""
+    import pyarrow as pa
+
+    write_parquet(path, pa.Table.from_pandas(frame, preserve_index=False))
 
 
 def readable(path: Path, read: Callable[[Path], Any] = read_arrays) -> bool:

@@ -22,12 +22,6 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.operations import columns_of_links, share
 from sidegan.validity.constraints import CONSTRAINTS
 
-_KINDS = {
-    "condition": goals.CONDITION,
-    "variance": goals.VARIANCE,
-    "volume": goals.VOLUME,
-    "tool": goals.TOOL,
-}
 _LEAST = 1e-3  # lower bound of the torque that dry friction leaves, as a share of the limit: a divisor
 _DISTANCE = 0.25  # clearance equivalent to a whole limit [m]
 
@@ -92,7 +86,7 @@ def _kernel_goal(
     # A tool's targets are columns of torque; others are directions of parameters.
     targets = np.linalg.solve(subspace, targets.T).T if goal.kind == "tool" else targets @ subspace
     arrays = goals.GoalArrays(
-        _KINDS[goal.kind],
+        goals.KINDS.index(goal.kind),
         np.ascontiguousarray(subspace.T @ prior @ subspace),
         goal.rate * period,
         np.ascontiguousarray(targets),

@@ -16,7 +16,6 @@ from sidegan.design.objective import Goal
 from sidegan.design.problem import Coordinates, Problem
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.operations import eigh
 from sidegan.motion.trajectory import Trajectory
 
 LEAST_TIMES = 40  # least samples per trajectory: more change the sums by less than 1 %
@@ -167,7 +166,7 @@ def inverse_of(information: Array, least: float) -> Array:
     """Inverse of information + least · I, (B, p, p), by eigenvalues in units of the diagonal."""
     scale = np.sqrt(np.linalg.diagonal(information) + least)
     units = scale[:, :, None] * scale[:, None]
-    values, vectors = eigh((information + least * np.eye(scale.shape[1])) / units)
+    values, vectors = np.linalg.eigh((information + least * np.eye(scale.shape[1])) / units)
     rounding = _ROUNDING * scale.shape[1] * np.finfo(float).eps
     values = np.maximum(values, rounding * values[:, -1:])
     return (vectors / values[:, None]) @ vectors.mT / units

@@ -1,6 +1,7 @@
 """The generator of trajectories: network, scaling and limits, saved in one file."""
 
 from collections.abc import Callable
+from dataclasses import asdict
 from numbers import Integral
 from pathlib import Path
 
@@ -88,7 +89,7 @@ class TrajectoryGenerator(nn.Module):
             "format": _FORMAT,
             "robot": self.arm.name,
             "digest": self.arm.digest,
-            "trajectory": self.trajectory.describe(),
+            "trajectory": asdict(self.trajectory) | {"home": list(self.trajectory.home or ())},
             "network": self.network.settings,
             "limited": self.limits is not None,
             "box": None if self.box is None else self.box.size,

@@ -19,6 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import llvmlite.binding
 import numba
 from filelock import FileLock, Timeout
 from numba import types
@@ -140,7 +141,8 @@ def _folder() -> Path | None:
     """Cache of this version of the kernels in the user's cache; None if it is not writable."""
     if (within := user_cache()) is None:
         return None
-    digest = hashlib.sha256()
+    # also of what numba tells compiled code apart by
+    digest = hashlib.sha256(f"{numba.__version__} {llvmlite.binding.get_host_cpu_name()}".encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
     folder = within / f"kernels-{digest.hexdigest()[:16]}"

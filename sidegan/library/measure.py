@@ -12,6 +12,7 @@ from sidegan.validity import Constraints, check
 RATE = 12.5  # sampling rate of stored excitation [Hz]: finer than any optimiser's
 _AT_ONCE = 250  # trajectories per batch
 _LEAST = 1e-30  # lower bound of diag(YᵀY), which is zero for a column without excitation
+_MOST = 5_000  # trajectories of a comparison, whose pairs fit in memory
 
 
 def library_of(constraints: Constraints, trajectory: Trajectory, c: Array, source: str) -> Library:
@@ -53,9 +54,10 @@ def summary(library: Library) -> dict[str, float]:
 def likeness(library: Library, seeds: Library) -> dict[str, float]:
     """Common offsets of a library, and its similarity to seeds that it does not contain.
 
-    Most measures depend on the number of trajectories: both sets are cut to the size of the smaller.
+    Most measures depend on the number of trajectories: both sets are cut to the size of the smaller, at most
+    5,000.
     """
-    count = min(len(library), len(seeds))
+    count = min(len(library), len(seeds), _MOST)
     c, other = library.coefficients[:count], seeds.coefficients[:count]
     diagonals = [np.log(np.maximum(part.diagonal[:count], _LEAST)) for part in (library, seeds)]
     density, coverage = fidelity.density_and_coverage(c, other)

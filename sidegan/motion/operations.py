@@ -16,7 +16,6 @@ from sidegan.motion.arrays import array
 
 States = Sequence[Array]
 
-_AS_STATES = 50  # states that are as much work as a small matrix
 _WORTH_A_THREAD = 1_000  # states, half a millisecond of work
 
 
@@ -130,15 +129,3 @@ def each(work: Callable[[int], None], count: int) -> None:
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     """Persistent threads of this process; a fork does not inherit its parent's."""
     return ThreadPoolExecutor(threads, "sidegan")
-
-
-def eigh(x: Array) -> tuple[Array, Array]:
-    """Eigenvalues (B, p), ascending, and eigenvectors (B, p, p) of symmetric matrices, on several threads."""
-    values = np.empty(x.shape[:2])
-    vectors = np.empty_like(x)
-
-    def work(k: slice) -> None:
-        values[k], vectors[k] = np.linalg.eigh(x[k])
-
-    share(work, len(x), _AS_STATES)
-    return values, vectors

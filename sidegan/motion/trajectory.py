@@ -6,10 +6,10 @@ closed form on time scaled to [0, 1]; rest is exact for any period.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,10 +61,6 @@ class Trajectory:
     def shape(self) -> tuple[int, int, int]:
         """Shape of one trajectory's coefficients, (J, H, 2)."""
         return (self.joints, self.harmonics, 2)
-
-    def describe(self) -> dict[str, Any]:
-        """Plain values that identify this family, for stamps and file metadata."""
-        return {**asdict(self), "home": list(self.home or ())}
 
     def check(self, c: Array) -> None:
         """Refuse coefficients that are not (B, J, H, 2) or hold non-finite numbers."""

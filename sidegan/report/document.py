@@ -47,29 +47,21 @@ def write_page(
         return f"![{words}]({quote(picture.as_posix())})\n\n{_caption(caption)}"
 
     words = {"table": table, "link": link, "figure": figure, "tables": tables, "figures": figures}
-    environment = templates(path.parent, html=False)  # Markdown needs no escapes
-    environment.filters |= {"number": plain}
-    text = environment.get_template(path.name).render(**words, **context)
-    write_bytes(target, text.encode())
+    write_bytes(target, rendered(path, {"number": plain}, **words, **context))
 
 
-def templates(folder: Path, html: bool) -> Environment:
-    """Templates below a folder; undefined names are errors."""
-    return Environment(
-        loader=FileSystemLoader(folder),
+def rendered(path: Path, filters: Mapping[str, Callable[..., str]], **context: Any) -> bytes:
+    """A template, which may include others of its folder and of this room; undefined names are errors."""
+    environment = Environment(
+        loader=FileSystemLoader([path.parent, Path(__file__).parent]),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        autoescape=html,
+        autoescape=path.name.endswith(".html.jinja"),  # Markdown and C need no escapes
     )
-
-
-def web_page(name: str, filters: Mapping[str, Callable[..., str]] | None = None, **context: Any) -> bytes:
-    """A self-contained HTML page from a template of this room."""
-    environment = templates(Path(__file__).parent, html=True)
-    environment.filters |= filters or {}
-    return environment.get_template(name).render(**context).encode()
+    environment.filters |= filters
+    return environment.get_template(path.name).render(**context).encode()
 
 
 def _caption(text: str) -> str:

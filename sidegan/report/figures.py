@@ -1,8 +1,7 @@
 """Figures from the results of runs, with matplotlib."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from textwrap import fill
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,26 +19,19 @@ _LABELS = METRIC_LABELS | {"invalid": "invalid share", "distance": "mean distanc
 _CLOUD = 200  # points of a set
 
 
-def panels(
-    frame: pd.DataFrame,
-    shown: Sequence[str],
-    references: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
-) -> Figure:
-    """Metrics of variants against the epoch, a panel per metric, with the mean and range of each variant.
+def panels(frame: pd.DataFrame, references: Mapping[str, Mapping[str, float]]) -> Figure:
+    """``METRICS`` of variants against the epoch, a panel each, with the mean and range of each variant.
 
     Args:
         frame: a row per variant, training and epoch.
-        shown: the metrics.
         references: the metrics of sets to compare with, drawn dashed.
     """
-    columns = min(3, len(shown))
-    rows = -(-len(shown) // columns)
-    figure = blank(3.7 * columns + 0.5, 3.1 * rows + 0.6)
+    figure = blank(11.6, 9.9)
     variants = sort_sets(frame.variant.unique())
     handles: dict[str, Any] = {}
-    axes = dict(zip(shown, figure.subplots(rows, columns, squeeze=False).ravel()))
+    axes = dict(zip(METRICS, figure.subplots(3, 3).ravel()))
     for metric, axis in axes.items():
-        if _SCALE.get(metric) in axes:
+        if metric in _SCALE:
             axis.sharey(axes[_SCALE[metric]])
         for name, part in frame.dropna(subset=metric).groupby("variant", sort=False):
             line = part.groupby("epoch")[metric].agg(["mean", "min", "max"])

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import pandas as pd
-import pyarrow as pa
 
 from sidegan.base.names import plain
 
@@ -60,11 +59,6 @@ LIKENESS = {
     "told_apart": "accuracy of a classifier against the seeds",
     "distance_diagonal": METRIC_LABELS["distance_diagonal"],
 }
-
-
-def arrow(frame: pd.DataFrame) -> pa.Table:
-    """The frame as an Arrow table."""
-    return pa.Table.from_pandas(frame, preserve_index=False)
 
 
 def sort_sets(sets: Iterable[str]) -> list[str]:

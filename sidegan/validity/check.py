@@ -85,17 +85,10 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validit
         search = MarginSearch(constraints, trajectory, part)
         search.run()
         found.append(search.smallest)
-    margins = np.concatenate([part.margin for part in found])
-    elements = np.concatenate([part.element for part in found])
-    times = np.concatenate([part.time for part in found])
+    smallest = [*map(np.concatenate, zip(*found))]
     column = {name: CONSTRAINTS.index(name) for name in constraints.labels}
-    return Validity(
-        valid=np.all(margins >= 0, 1),
-        margins={name: margins[:, k] for name, k in column.items()},
-        elements={name: elements[:, k] for name, k in column.items()},
-        times={name: times[:, k] for name, k in column.items()},
-        labels=constraints.labels,
-    )
+    margins, elements, times = ({name: x[:, k] for name, k in column.items()} for x in smallest)
+    return Validity(np.all(smallest[0] >= 0, 1), margins, elements, times, constraints.labels)
 
 
 def require_straight(constraints: Constraints, start: Sequence[float], end: Sequence[float]) -> None:

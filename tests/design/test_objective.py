@@ -208,7 +208,7 @@ def assert_same(problem, c):
     assert ((numbers[:, 1:] > 0) == (expected[:, 1:] > 0))[clear].all()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     joints=st.integers(1, 8),
     seed=st.integers(0, 10_000),

@@ -86,7 +86,7 @@ def assert_greedy(kind, matrices, order):
         assert values[chosen] >= max(values.values()) - 1e-7
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, kinds, st.integers(3, 6), st.integers(4, 40) | st.just(1500), st.data())
 def test_every_choice_is_the_best_remaining(seed, kind, rank, number, data):
     matrices = candidates(seed, number, rank=rank)
@@ -96,7 +96,7 @@ def test_every_choice_is_the_best_remaining(seed, kind, rank, number, data):
     assert PICKS[kind](matrices, 1).tolist() == order[:1]  # a shorter pick is the beginning of a longer one
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seeds, st.sampled_from([2.0**-30, 0.3, 2.0**40]))
 def test_noise_scale_and_basis_do_not_change_optimal_designs(seed, scale):
     matrices = candidates(seed, 40)

@@ -51,7 +51,7 @@ def hold(arm, family, c, names):
     return all((margins[name] >= 0).all() for name in ("position", "velocity", *names))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     names=st.sets(st.sampled_from(BOTH)),
     seed=st.integers(0, 10_000),

@@ -51,7 +51,7 @@ class TestLaws:
         scale = np.maximum(np.abs(truth_of(model)), 0.1)
         assert (np.abs(found.parameters - truth_of(model)) / scale).max() < tolerance
 
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=25)
     @given(st.sampled_from([0.02, 0.5, 7.0, 100.0]), st.integers(0, 1000), st.sampled_from(PLAIN))
     def test_parameters_are_equivariant_to_shift_and_scale(self, rows, factor, seed, method):
         shift = np.random.default_rng(seed).normal(size=6)
@@ -60,7 +60,7 @@ class TestLaws:
         assert_close(other.parameters, factor * original.parameters + shift, 1e-3)
         assert_close(other.deviation, factor * original.deviation, 1e-2)
 
-    @settings(max_examples=20, deadline=None)
+    @settings(max_examples=20)
     @given(st.integers(1, 500), st.integers(1, 399), st.sampled_from(PLAIN))
     def test_blocks_and_recordings_do_not_change_the_estimate(self, rows, size, cut, method):
         model = Fixed(rows[0])
@@ -108,7 +108,7 @@ class TestCorrelation:
         inflation = inflation_of(split(r, 4096))
         assert inflation.tolist() == pytest.approx([(1 + phi) / (1 - phi)] * 2, rel=0.2)
 
-    @settings(max_examples=30, deadline=None)
+    @settings(max_examples=30)
     @given(st.integers(1, 60), st.integers(0, 99))
     def test_is_at_least_one(self, samples, seed):
         r = np.random.default_rng(seed).normal(size=(samples, 3))

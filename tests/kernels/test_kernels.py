@@ -30,7 +30,7 @@ def body_and_states(chain, *shape):
     return RigidBody(arm), [x.reshape(*shape, arm.joints) for x in random_states(arm, count, chain[1])]
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(CHAINS, SIZES)
 def test_weighted_grams_and_sums_are_those_of_the_regressor(chain, size):
     body, states = body_and_states(chain, *size)
@@ -43,7 +43,7 @@ def test_weighted_grams_and_sums_are_those_of_the_regressor(chain, size):
     close(body.sums(*(x[0] for x in states), torque[0]), rows.mT @ rows, 1e-13)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(CHAINS, COUNTS, st.integers(1, 4))
 def test_gradients_of_energies_agree_with_pinocchio(chain, count, sets):
     """Of several multiples of the arm's own parameters, with weighted joints."""

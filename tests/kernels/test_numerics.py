@@ -40,7 +40,7 @@ spectra = st.lists(st.floats(-1e3, 1e3), min_size=6, max_size=45)
 decades = st.builds(lambda size, last: np.logspace(0, -last, size), st.integers(6, 45), st.integers(1, 12))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(spectra | decades, st.integers(0, 100))
 def test_extreme_eigenvalues_agree_with_lapack(spectrum, seed):
     check(symmetric(spectrum, seed))

@@ -47,7 +47,7 @@ def test_position_is_that_of_parks_formula(period, harmonics):
     np.testing.assert_allclose(position, park(trajectory, c, times), atol=1e-11 * max(1.0, period))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(ANY, st.integers(0, 1000))
 def test_trajectories_rest_at_home_at_both_ends(trajectory, seed):
     c, ends = coefficients(trajectory, seed=seed), [0, -1]
@@ -85,7 +85,7 @@ def test_concatenation_is_one_smooth_motion():
     np.testing.assert_allclose(drift, long.position[:, 1:], atol=1e-3, rtol=0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(1.0, 560.0), st.integers(1, 40), st.integers(2, 400), st.integers(0, 1000))
 def test_jerk_and_snap_never_exceed_their_bounds(period, harmonics, cells, seed):
     trajectory = Trajectory(2, harmonics, period)

@@ -37,7 +37,7 @@ def test_metrics_have_a_line_per_variant_and_a_dashed_line_for_seeds():
     parts = {"vanilla": pd.concat([HISTORY, back]), "eigen": HISTORY[:1]}
     frame = pd.concat([part.assign(variant=name) for name, part in parts.items()])
     references = {"seeds": SEEDS, "union": {"distance_diagonal": 7.0}}
-    figure = figures.panels(frame, figures.METRICS, references)
+    figure = figures.panels(frame, references)
     panels = {axis.get_ylabel(): axis for axis in figure.axes}
     assert [axis.get_title("left") for axis in figure.axes] == list("abcdefghi")
     assert len(panels) == 9 and legend(figure) == ["vanilla", "eigen", "seeds", "union"]

@@ -152,7 +152,7 @@ def shaped(arm: Arm, shape: str, seed: int) -> Arm:
     return arm
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     joints=st.integers(1, 9),
     seed=st.integers(0, 10_000),

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.arrays import flatten
-from sidegan.base.storage import write_parquet
+from sidegan.base.storage import write_frame
 from sidegan.design.fidelity import distance_to
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
@@ -23,7 +23,6 @@ from sidegan.pipeline.context import RESULTS, RunContext
 from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.training import generator, load_generator, taught, training_seeds
-from sidegan.report.tables import arrow
 
 TIMED = "eigen"  # variant to time, as a representative
 _BATCH = 1000
@@ -55,7 +54,7 @@ def _estimate(run: RunContext, build: Build) -> None:
         c = np.ascontiguousarray(drawn.T).reshape(-1, *seeds.shape[1:])
         row = {"bandwidth": bandwidth, "factor": float(estimate.factor), "from_seed": distance_to(c, seeds)}
         rows.append(row | measure_samples(run.cell.constraints, run.cell.trajectory, c, seeds))
-    write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
+    write_frame(build.folder / RESULTS, pd.DataFrame(rows))
 
 
 def _refuse_few(seeds: int, coefficients: int) -> None:

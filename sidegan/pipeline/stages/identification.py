@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sidegan.base.storage import write_parquet
+from sidegan.base.storage import write_frame
 from sidegan.design.prediction import TorqueNoise
 from sidegan.identification import Measurements, TorqueModel, estimate, score, study
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
@@ -24,7 +24,6 @@ from sidegan.pipeline.stages.baselines import prediction, test_trajectories
 from sidegan.pipeline.stages.selection import ExcitationSet, excitation_sets, generated_alone, picked
 from sidegan.plant.recorded import recorded
 from sidegan.plant.varied import VariedPlant
-from sidegan.report.tables import arrow
 from sidegan.robot import require_consistent
 
 
@@ -77,7 +76,7 @@ def _identify(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
     columns = {"weighted": True, "joint": run.cell.arm.joint_names, "nmse": nmse, "noise": "constant"}
     expected = pd.concat([expected, pd.DataFrame(columns)]).assign(set=excitation.name)
     for file, frame in {RESULTS: results, FACTS: facts, EXPECTED: expected}.items():
-        write_parquet(build.folder / file, arrow(frame.assign(training=excitation.training or 0)))
+        write_frame(build.folder / file, frame.assign(training=excitation.training or 0))
 
 
 def _execute(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
@@ -99,7 +98,7 @@ def _execute(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
             rows += [(*key, joint, error) for joint, error in zip(run.cell.arm.joint_names, errors)]
         build.report(number + 1, settings.count)
     columns = ["set", "training", "repeat", "weighted", "joint", "nmse"]
-    write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows, columns=columns)))
+    write_frame(build.folder / RESULTS, pd.DataFrame(rows, columns=columns))
 
 
 STAGES = {

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.arrays import geometric_mean
-from sidegan.base.storage import finite, write_json, write_parquet
+from sidegan.base.storage import finite, write_frame, write_json
 from sidegan.design.prediction import TOGETHER, TorqueNoise, torque_size
 from sidegan.errors import ConfigError
 from sidegan.library.measure import likeness
@@ -23,7 +23,6 @@ from sidegan.pipeline.stages import Stage, stage
 from sidegan.pipeline.stages.baselines import baselines, predicted, prediction
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
-from sidegan.report.tables import arrow
 
 _OF_EACH = ("seeds", "surrogates", "gan", "library", "random", "measures")  # stages of each of several runs
 _SMALLEST = 1e-6  # lower bound of a joint's torque, as a share of the largest joint's
@@ -73,7 +72,7 @@ def _make(run: RunContext, build: Build, pool: Pool, level: float) -> None:
         frames.append(pd.DataFrame({"noise": name, "nmse": mean, "geometric": geometric}))
         report |= {name: float(mean.mean()), f"{name}_geometric": geometric_mean(geometric)}
     rows = pd.concat(frames).assign(set=pool.name, training=pool.training or 0)
-    write_parquet(build.folder / RESULTS, arrow(rows))
+    write_frame(build.folder / RESULTS, rows)
     write_json(build.folder / REPORT, finite(report))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.parallel import Report
-from sidegan.base.storage import read_arrays, readable, write_arrays, write_parquet
+from sidegan.base.storage import read_arrays, readable, write_arrays, write_frame
 from sidegan.identification import Noise
 from sidegan.identification.settings import Reading
 from sidegan.identification.study import combined_errors, measured_sums
@@ -20,7 +20,6 @@ from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.baselines import random_set, test_trajectories
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import RANDOM, SEEDS, Pool, whole_sets
-from sidegan.report.tables import arrow
 
 SUMS = "sums.npz"
 COPIES = "copies"  # the seeds once more, measured as generated trajectories are
@@ -145,7 +144,7 @@ def _combine(run: RunContext, build: Build, reading: Reading) -> None:
             facts["fitted_norm"] = facts["set"].map(fitted)
             tables.append(tuple(x.assign(training=training, repeat=repeat) for x in (errors, facts)))
     for file, part in zip((RESULTS, FACTS), zip(*tables)):
-        write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))
+        write_frame(build.folder / file, pd.concat(part, ignore_index=True))
 
 
 def _fitted_norm(sums: Sums, seeds: Sums) -> float:

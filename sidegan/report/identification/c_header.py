@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sidegan.report.document import templates
+from sidegan.report.document import rendered
 from sidegan.robot import Arm
 
 
@@ -20,10 +20,8 @@ def c_header(arm: Arm, numbers: Mapping[str, Any], recordings: Sequence[str], ve
         recordings: names of the recordings that it was identified from.
         verdict: on the model.
     """
-    environment = templates(Path(__file__).parent, html=False)
-    environment.filters |= {"braces": _braces}
     words = {"recordings": recordings, "verdict": verdict, **numbers}
-    return environment.get_template("arm.h.jinja").render(arm=arm, **words).encode()
+    return rendered(Path(__file__).parent / "arm.h.jinja", {"braces": _braces}, arm=arm, **words)
 
 
 def _braces(values: ArrayLike) -> str:

@@ -16,7 +16,7 @@ from sidegan.identification.estimate import Score
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.model import TorqueModel
 from sidegan.recording.checked import CheckedRecording
-from sidegan.report.document import web_page
+from sidegan.report.document import rendered
 from sidegan.report.identification import content
 from sidegan.report.identification.c_header import c_header
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
@@ -74,8 +74,8 @@ def report_html(identified: IdentifiedArm, origin: Origin, files: Mapping[str, S
     from sidegan.report.canvas import svg  # matplotlib takes a while to import
     from sidegan.report.identification import plots
 
-    return web_page(
-        "identification/report.html.jinja",
+    return rendered(
+        Path(__file__).parent / "report.html.jinja",
         {"number": format_number},
         identified=identified,
         origin=origin,

@@ -19,7 +19,7 @@ from sidegan.base.arrays import Array, flatten
 from sidegan.base.storage import write_bytes
 from sidegan.errors import ArtifactError
 from sidegan.motion.trajectory import Motion, Trajectory
-from sidegan.report.document import web_page
+from sidegan.report.document import rendered
 from sidegan.report.style import PALETTE
 from sidegan.robot import Arm
 from sidegan.robot.visuals import Surface, capsule_surface, visual_parts
@@ -31,7 +31,6 @@ Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]  # plain val
 _RATE, _FEWEST, _MOST = 25.0, 100, 500  # sampling rate of a motion [Hz], least and most samples
 _TRIANGLES = 120_000  # most triangles of an arm
 _FINEST, _COARSER = 5e-4, 1.4  # smallest grid cell for merging vertices [m], and factor to the next size
-_CELLS = 2**20  # most grid cells along an axis
 
 
 def write_view(
@@ -83,8 +82,9 @@ def write_view(
         head |= values
         arrays |= new
     places, packed = _packed(arrays)
-    page = web_page(
-        "viewer/viewer.html.jinja",
+    page = rendered(
+        Path(__file__).parent / "viewer.html.jinja",
+        {},
         title=f"Trajectories of {arm.name}",
         view=head,
         table=table.reset_index(),
@@ -179,22 +179,15 @@ def fewer(parts: Sequence[Surface]) -> list[Surface]:
 
 
 def _clustered(part: Surface, size: float) -> Surface:
-    size = max(size, np.ptp(part.vertices) / _CELLS)
-    _, index = _distinct(np.floor(part.vertices / size).astype(np.int64))
+    """A surface whose vertices in the same cell of a grid [m] are merged to their mean."""
+    from trimesh.grouping import unique_rows
+
+    _, index = unique_rows(np.floor(part.vertices / size).astype(np.int64))
     count = np.bincount(index)
     means = np.stack([np.bincount(index, column) for column in part.vertices.T], 1) / count[:, None]
     faces = index[part.faces]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
-    return Surface(part.link, means, faces[_distinct(np.sort(faces, axis=1))[0]])
-
-
-def _distinct(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First of the equal rows, and for each row the number of its value."""
-    if not len(rows):
-        return np.arange(0), np.arange(0)
-    numbers = np.ravel_multi_index((rows - rows.min(0)).T, np.ptp(rows, 0) + 1)
-    _, first, index = np.unique(numbers, return_index=True, return_inverse=True)
-    return first, index
+    return Surface(part.link, means, faces[unique_rows(np.sort(faces, axis=1))[0]])
 
 
 def _packed(arrays: Mapping[str, NDArray[Any]]) -> tuple[dict[str, list[Any]], str]:
