@@ -1,6 +1,6 @@
 """docs/benchmarks.md, its figure and its numbers, measured here: what is there already stays.
 
-python -m benchmarks.page                 # rates that are missing, growth that is missing, and the page
+python -m benchmarks.page                 # rates if there are none, growth that is missing, and the page
 python -m benchmarks.page -k torque       # these rates anew
 python -m benchmarks.page device.json     # a GPU's, as benchmarks.device printed them elsewhere
 python -m benchmarks.page only            # the page alone
@@ -167,9 +167,10 @@ def main(words: list[str]) -> None:
     elif words and words[0].endswith(".json"):
         numbers["device"] = json.loads(Path(words[0]).read_text())
     else:
-        numbers |= {"versions": _versions(), "processor": _machine()}
-        for group, parts in (_rates(*words) if words or not numbers["rates"] else {}).items():
-            numbers["rates"].setdefault(group, {}).update(parts)
+        if words or not numbers["rates"]:
+            numbers |= {"versions": _versions(), "processor": _machine()}  # of the rates
+            for group, parts in _rates(*words).items():
+                numbers["rates"].setdefault(group, {}).update(parts)
         if not words:
             _grow(numbers["growth"])
     _write(numbers)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.artifacts import Artifacts
-from experiments.pages import FOLDER, leave
+from experiments.pages import FOLDER, leave, target_of
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.measures import variations
 from sidegan.pipeline.stages.selection import SEEDS
@@ -61,10 +61,11 @@ def present(rows: Mapping[str, Artifacts], folder: Path, tracker: Tracker) -> No
     shown = {name: (table(found), _CAPTION)}
     means = found.groupby(["row", "name"], sort=False)[list(_SHOWN)].mean()
     leave(folder, tracker, shown, means.set_axis([" ".join(key) for key in means.index]))
-    target = Path(first.publish or folder) / f"{name}.md"
+    target = target_of(name, first.publish, folder)
     figures = {"front": front(found)} if found["row"].str.startswith(FRONT).any() else {}
     context = {"cfg": first, "caption": _CAPTION, "rows": first.rows}
-    template = FOLDER / "templates" / f"{name}.md.j2"
+    templates = [FOLDER / "templates" / f"{each}.md.j2" for each in (name, "ablation")]
+    template = next(path for path in templates if path.exists())  # experiments like it have its own
     write_page(template, target, {name: shown[name][0]}, figures, **context)
     tracker.log_artifact(target, "report")
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.artifacts import Artifacts
-from experiments.pages import DOCS, FOLDER, leave
+from experiments.pages import DOCS, FOLDER, leave, target_of
 from sidegan.base.names import plain
+from sidegan.errors import ConfigError
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.measures import variations
 from sidegan.pipeline.stages.selection import SEEDS
@@ -40,6 +41,12 @@ JUDGED = _OVER["distance"], _OVER["gain_geometric"]
 Arms = Mapping[str, Artifacts]
 
 
+def check(run: RunContext) -> None:
+    """Refuse variants of which none has features, whose trajectories would be tried on other arms."""
+    if not any(variant.features for variant in run.cfg.gan.values()):
+        raise ConfigError("generality compares generators with surrogates: gan=eigen, for example")
+
+
 def collect(run: RunContext) -> dict[str, Artifacts]:
     """Artifacts of every arm, by the arm's name in the settings."""
     return {name: Artifacts(arm_run) for name, arm_run in variations(run).items()}
@@ -56,7 +63,7 @@ def present(arms: Arms, folder: Path, tracker: Tracker) -> None:
     }
     rows = joined.set_axis([f"{arm} {name}" for arm, name in joined.index])
     leave(folder, tracker, shown, rows)
-    target = Path(first.publish or folder) / f"{NAME}.md"
+    target = target_of(NAME, first.publish, folder)
     template = FOLDER / "templates" / f"{NAME}.md.j2"
     context = {"arms": arms, "cfg": first, "captions": {"arms": _ARMS, "transfer": _TRANSFER}}
     write_page(template, target, {name: table for name, (table, _) in shown.items()}, {}, **context)

@@ -21,6 +21,12 @@ PAPER, COLUMNS = (
 )
 
 
+def target_of(page: str, publish: str | None, folder: Path) -> Path:
+    """Where a page is written: ``publish``, a folder or the page's own name, or else the run's folder."""
+    target = Path(publish or folder)
+    return target if target.suffix == ".md" else target / f"{page}.md"
+
+
 def leave(
     folder: Path,
     tracker: Tracker,

@@ -11,7 +11,7 @@ import pandas as pd
 
 from experiments import claims, exp1, exp2, generality, training
 from experiments.artifacts import Artifacts, comparison
-from experiments.pages import COLUMNS, DOCS, FOLDER, PAPER
+from experiments.pages import COLUMNS, DOCS, FOLDER, PAPER, target_of
 from experiments.verdicts import CONFIDENCE, GANS
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
@@ -53,7 +53,7 @@ def check(run: RunContext) -> None:
     """Refuse conditions that are unknown, lack the paper's variants or are the same, before any work."""
     seen: dict[str, str] = {}  # names of conditions by their settings
     for name, made in comparison(run).items():
-        same = seen.setdefault(str(made.cfg.plain() | {"condition": None}), name)
+        same = seen.setdefault(str(made.cfg.plain() | {"condition": None, "conditions": None}), name)
         if same != name:
             raise ConfigError(f"conditions {same} and {name} have the same settings: is seed set for both?")
         if missing := set(GANS) - made.cfg.gan.keys():
@@ -65,8 +65,7 @@ def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
     """Write ``reproduction.md``, its tables, figures and metrics; record the page."""
     first = next(iter(conditions.values()))
     judged = claims.claims(conditions)
-    target = Path(first.cfg.publish or folder)
-    target = target if target.suffix == ".md" else target / f"{NAME}.md"
+    target = target_of(NAME, first.cfg.publish, folder)
     template = FOLDER / "templates" / f"{NAME}.md.j2"
     shown = _all_tables(conditions, judged)
     numbers = metrics(conditions)

@@ -63,6 +63,14 @@ class Plants:
     sensors: Sensors = Sensors()
     model: Terms = Terms()  # in addition to rigid bodies
 
+    def __post_init__(self) -> None:
+        rate, sensors = self.plant.rate, self.sensors
+        of = f"of plant.rate={rate:g}"
+        if sensors.cutoff >= rate / 2:
+            raise ConfigError(f"sensors.cutoff is {sensors.cutoff:g}, expected less than half {of}")
+        if rate < sensors.rate or rate % sensors.rate:
+            raise ConfigError(f"sensors.rate is {sensors.rate:g}, expected a divisor {of}")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Robot(Setup):

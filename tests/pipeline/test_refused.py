@@ -34,6 +34,8 @@ SETTINGS = [
     ("reproduction", "library.count=5", "selection.count is 6, expected at most library.count = 5"),
     ("training", "seeds.count=1", "seeds.count is 1, expected two or more"),
     ("exp1", "identification.noise.level=0", "identification.noise has no torque noise"),
+    ("exp1", "plants.sensors.cutoff=300", "sensors.cutoff is 300, expected less than half of plant.rate=250"),
+    ("exp1", "plants.sensors.rate=150", "sensors.rate is 150, expected a divisor of plant.rate=250"),
     ("generality", "arms=[]", "arms is [], expected one or more"),
     ("reproduction", "seeds.samples=6", "seeds.samples is 6, expected more than two per period"),
     ("reproduction", "long.samples=24", "long.samples is 24, expected more than two per period"),

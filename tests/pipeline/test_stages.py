@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import sidegan
-from experiments import reproduction
+from experiments import generality, reproduction
 from experiments.artifacts import Artifacts, comparison
 from experiments.exp1 import table1
 from experiments.generality import beside_seeds
@@ -126,6 +126,8 @@ def test_conditions_with_the_same_settings_and_rows_that_do_not_compose_are_refu
     words = "+experiment=ablation", "gan.eigen.epochs=2"
     with refused(ConfigError, "untrained", "gan.eigen"):
         measures.variations(RunContext(composed(*words), Store(outputs), words))
+    with refused(ConfigError, "gan=eigen"):
+        generality.check(RunContext(composed("+experiment=generality", "gan=exact"), Store(outputs)))
 
 
 FOREIGN = "long.", "plants.", "selection.", "robot=", "seeds=", "tracking="
