@@ -19,12 +19,11 @@ from pkgutil import resolve_name
 from typing import Any, Literal
 
 import numpy as np
+import pytorch_lightning as pl
 import torch
-from torch.utils.data import DataLoader, RandomSampler, TensorDataset
+from torch.utils.data import DataLoader, RandomSampler
 
-from sidegan.gan.settings import TrainerSettings
 from sidegan.gan.side_gan import Data
-from sidegan.gan.training import fit_module
 
 SEEDS, EPOCHS, WARM = 1800, 2, 1
 _SAMPLES, _BATCHES = 20_000, 5
@@ -59,12 +58,17 @@ def task() -> tuple[Any, Data]:
 def rates(variant: Any, data: Data, device: Literal["cpu", "cuda"]) -> dict[str, float]:
     """Wall time of an epoch [s] and of a sample [µs] on a device."""
     model = resolve_name(variant._target_)(variant, data)
-    rows = TensorDataset(torch.arange(len(data.seeds)))
+    rows: Any = range(len(data.seeds))
     order = RandomSampler(rows, num_samples=model.steps * variant.generator.batch)
 
     def train(epochs: int) -> None:
-        batches = DataLoader(rows, variant.generator.batch, sampler=order)
-        fit_module(model, batches, epochs, where=TrainerSettings(accelerator=device))
+        batches: DataLoader[Any] = DataLoader(rows, variant.generator.batch, sampler=order)
+        quiet: Any = dict.fromkeys(("logger", "enable_checkpointing", "enable_progress_bar"), False)
+        trainer = pl.Trainer(
+            max_epochs=epochs, accelerator=device, devices=1, enable_model_summary=False, **quiet
+        )
+        trainer.fit(model, batches)
+        model.cpu()
 
     train(WARM)
     before = [x.detach().clone() for x in model.generator.parameters()]

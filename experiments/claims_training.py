@@ -43,7 +43,6 @@ from sidegan.base.names import plain
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS
-from sidegan.report.style import seconds
 
 _STRUGGLES = 0.4  # valid share that vanilla stays below
 _ACCURATE = 0.99  # least accuracy of the success predictor
@@ -322,6 +321,13 @@ def _measured(value: float, enough: float, text: str) -> Judgement:
     if np.isnan(value):
         return Judgement(UNKNOWN, UNKNOWN)
     return Judgement(HOLDS if value > enough else NOT, text)
+
+
+def seconds(duration: float) -> str:
+    """A duration in a natural unit: ``1.4 ms``, ``6 min``, ``14 h``."""
+    units = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3, "µs": 1e-6}
+    unit = next((unit for unit, size in units.items() if duration >= size), "µs")
+    return f"{plain(duration / units[unit])} {unit}"
 
 
 CRITERIA: dict[str, Callable[[Artifacts], Judgement]] = {

@@ -12,7 +12,7 @@ import pandas as pd
 from experiments import claims, exp1, exp2, generality, training
 from experiments.artifacts import Artifacts, comparison
 from experiments.pages import COLUMNS, DOCS, FOLDER, PAPER, target_of
-from experiments.verdicts import CONFIDENCE, GANS
+from experiments.verdicts import CONFIDENCE, GANS, UNKNOWN
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
 from sidegan.pipeline.context import RunContext
@@ -24,7 +24,7 @@ from sidegan.pipeline.tracking import Tracker
 from sidegan.report import export, figures, motion, tables
 from sidegan.report.document import write_page
 from sidegan.report.motion import Bundle
-from sidegan.report.style import NOT_MEASURED, colours
+from sidegan.report.style import colours
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
@@ -182,7 +182,7 @@ def _once(joined: pd.DataFrame) -> pd.DataFrame:
 def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
     """The tables of a condition, by name."""
     longs = {f"{name.removeprefix('long-')} harmonics": dict(x) for name, (x, _) in made.longs.items()}
-    searches = tables.formatted(pd.DataFrame(longs).T, COLUMNS["long"], NOT_MEASURED)
+    searches = tables.formatted(pd.DataFrame(longs).T, COLUMNS["long"], UNKNOWN)
     shown = {
         "generators": tables.generator_table(made.generators),
         "likeness": tables.likeness_table(made.generators),
@@ -241,7 +241,7 @@ def _timing(artifacts: Artifacts) -> pd.DataFrame:
     frame["paper"] = pd.Series(PAPER["seconds"], dtype=float)
     table = tables.formatted(frame.assign(ratio=frame.paper / frame.ours), COLUMNS["timing"])
     ours = COLUMNS["timing"]["ours"][0]
-    return table.assign(**{ours: table[ours].replace("—", NOT_MEASURED)}).set_index("what")
+    return table.assign(**{ours: table[ours].replace("—", UNKNOWN)}).set_index("what")
 
 
 def _figures(made: Artifacts) -> dict[str, "Figure"]:

@@ -15,11 +15,10 @@ from scipy.special import expit, logit
 
 from experiments.artifacts import Artifacts
 from sidegan.base.names import plain
-from sidegan.report.style import NOT_MEASURED
 
 HOLDS, NOT = "holds", "does not hold"
 UNDECIDED, OPEN = "no detectable difference", "not decided"  # of two that are compared; of one and a bound
-UNKNOWN = NOT_MEASURED
+UNKNOWN = "not measured"
 CONFIDENCE = 0.95
 ALONE = "(no interval: one value)"
 TRAINING, REPEAT = "training", "repeat"

@@ -4,7 +4,6 @@ import logging
 import math
 import signal
 import warnings
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
@@ -38,7 +37,6 @@ from sidegan.validity import Constraints, check, summarise_faults
 _log = logging.getLogger(__name__)
 
 _LAST = "last"  # checkpoint
-_PROCESSOR = TrainerSettings()
 # Advice that does not apply: the data is small and in memory, surrogates are frozen, discriminators may wait.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*|.*is not empty.*"
 _NOISE += "|.*lr_scheduler.step.*"
@@ -92,59 +90,43 @@ def train_variant(settings: Variant, data: Data, run: TrainingRun) -> Trained:
     batches: DataLoader[Any] = DataLoader(rows, batch, sampler=order)  # type: ignore[arg-type]  # any sequence
     refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
     metrics = EpochMetrics(run)
-    fit_module(model, batches, settings.epochs, [*refresh, metrics], run.work, run.trainer, run.logger)
+    _fit(model, batches, [*refresh, metrics], run)
     return Trained(model.generator.eval(), metrics.history, torch.cat(metrics.samples).numpy())
 
 
-def fit_module(
-    module: pl.LightningModule,
-    batches: Iterable[Any],
-    epochs: int,
-    callbacks: Sequence[pl.Callback] = (),
-    work: Path | None = None,
-    where: TrainerSettings = _PROCESSOR,
-    logger: Logger | None = None,
-) -> None:
-    """Train a module, and move it to the CPU.
+def _fit(model: SideGAN, batches: DataLoader[Any], callbacks: list[pl.Callback], run: TrainingRun) -> None:
+    """Train a model, and move it to the processor.
 
-    In a work folder, training saves a checkpoint after every epoch and resumes from it; it starts over if
+    A checkpoint is saved in the work folder after every epoch. Training resumes from it; it starts over if
     there is none or it is damaged.
-
-    Raises:
-        KeyboardInterrupt: when interrupted.
     """
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
-    known: Path | None = None
-    callbacks = list(callbacks)
-    if work is not None:
-        checkpoint = pl.callbacks.ModelCheckpoint
-        callbacks.append(checkpoint(work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False))
-        known = work / f"{_LAST}.ckpt"
-        if not readable(known, read_tensors):
-            if known.exists():
-                _log.warning("the checkpoint %s is damaged: the training starts over", known)
-            known = None
+    saved = run.work / f"{_LAST}.ckpt"
+    sound = readable(saved, read_tensors)
+    if saved.exists() and not sound:
+        _log.warning("the checkpoint %s is damaged: the training starts over", saved)
+    checkpoint = pl.callbacks.ModelCheckpoint
+    saving = checkpoint(run.work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False)
     handler = signal.getsignal(signal.SIGINT)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=_NOISE)
         trainer = pl.Trainer(
-            max_epochs=epochs,
-            accelerator=where.accelerator,
-            devices=where.devices,
-            callbacks=callbacks,
-            enable_checkpointing=work is not None,
-            logger=logger or False,
+            max_epochs=model.settings.epochs,
+            accelerator=run.trainer.accelerator,
+            devices=run.trainer.devices,
+            callbacks=[*callbacks, saving],
+            logger=run.logger or False,
             log_every_n_steps=1,
             enable_progress_bar=False,
             enable_model_summary=False,
-            default_root_dir=work,
+            default_root_dir=run.work,
         )
         try:
-            trainer.fit(module, batches, ckpt_path=known, weights_only=True)
+            trainer.fit(model, batches, ckpt_path=saved if sound else None, weights_only=True)
         except SystemExit as error:  # Lightning turns an interrupt into an exit, and ignores further ones
             signal.signal(signal.SIGINT, handler)
             raise KeyboardInterrupt from error
-    module.cpu()
+    model.cpu()
 
 
 def unavailable(where: TrainerSettings) -> str:

@@ -54,6 +54,7 @@ def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
         else:
             lines = Line3DCollection(list(tips), colors=bundle.colour, linewidths=0.5, alpha=0.75)
             axis.add_collection3d(lines, autolim=False)
+    letter(figure.axes)
     return figure
 
 
@@ -156,4 +157,3 @@ def _panels(figure: Figure, titles: Sequence[str], limits: Array) -> Iterator[Ax
             part.set_label_text(f"{name} [m]", fontsize=7)
             part.labelpad = -8
         yield axis
-    letter(figure.axes)

@@ -4,9 +4,6 @@ import zlib
 from collections.abc import Iterable
 from itertools import cycle
 
-from sidegan.base.names import plain
-
-NOT_MEASURED = "not measured"
 # Distinct on white and dark pages, and for colour-blind readers.
 _COLOURS = {
     "vanilla": "#7f7f7f",
@@ -36,10 +33,3 @@ def colours(names: Iterable[str]) -> list[str]:
     ranked = sorted(longs, key=lambda name: int(name.removeprefix("long-")))
     shades = dict(zip(ranked, cycle(_LONG)))
     return [shades.get(name) or colour(name) for name in shown]
-
-
-def seconds(duration: float) -> str:
-    """A duration in a natural unit: ``1.4 ms``, ``6 min``, ``14 h``."""
-    units = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3, "µs": 1e-6}
-    unit = next((unit for unit, size in units.items() if duration >= size), "µs")
-    return f"{plain(duration / units[unit])} {unit}"

@@ -1,6 +1,6 @@
 """Stages surrogates, gan and subsets: success predictor and converters, variants, both on fewer seeds."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -81,9 +81,10 @@ def surrogate_networks(run: RunContext) -> Artifact:
     return run.artifact("surrogates", label, make, settings, inputs, title="surrogates", alone=True)
 
 
-def needed_surrogates(run: RunContext, variants: Iterable[Variant]) -> list[Artifact]:
-    """The surrogates that variants learn from, and the generator that these learn from."""
-    return [negatives(run), surrogate_networks(run)] if any(variant.features for variant in variants) else []
+def needed_surrogates(run: RunContext) -> list[Artifact]:
+    """The surrogates that a run's variants learn from, and the generator that these learn from."""
+    needed = any(variant.features for variant in run.cfg.gan.values())
+    return [negatives(run), surrogate_networks(run)] if needed else []
 
 
 def negatives(run: RunContext) -> Artifact:
@@ -178,7 +179,7 @@ def on_subset(run: RunContext, size: int) -> RunContext:
 def _subsets(run: RunContext) -> Iterator[Artifact]:
     for size in run.cfg.discussion.sizes:
         smaller = on_subset(run, size)
-        yield from needed_surrogates(smaller, smaller.cfg.gan.values())
+        yield from needed_surrogates(smaller)
         yield from _gan(smaller)
 
 
@@ -201,7 +202,7 @@ def _check_surrogates(run: RunContext) -> None:
 
 
 STAGES = {
-    "surrogates": Stage(lambda run: needed_surrogates(run, run.cfg.gan.values()), check=_check_surrogates),
+    "surrogates": Stage(needed_surrogates, check=_check_surrogates),
     "gan": Stage(_gan, check=_check),
     "subsets": Stage(_subsets, check=_check),
 }

@@ -2,12 +2,11 @@
 const LEFT = 44, RIGHT = 6, TOP = 5, BELOW = 5;
 
 class Chart {
-  constructor(parent, title, unit, curves, seek) {
-    Object.assign(this, { curves });
+  constructor(parent, title, unit, low, seek) {
     const box = element("div", "chart", parent), heading = element("h3", "", box);
     heading.textContent = `${title} `;
     element("span", "", heading).textContent = unit;
-    this.plot = element("div", curves.low ? "plot low" : "plot", box);
+    this.plot = element("div", low ? "plot low" : "plot", box);
     this.canvas = element("canvas", "", this.plot);
     this.cursor = element("i", "", this.plot);
     const drag = (event) => {
@@ -22,8 +21,7 @@ class Chart {
   }
 
   at(part) {
-    const width = this.plot.clientWidth - LEFT - RIGHT;
-    this.cursor.style.transform = `translateX(${LEFT + part * width}px)`;
+    this.cursor.style.left = `calc(${LEFT}px + ${part} * (100% - ${LEFT + RIGHT}px))`;
   }
 
   // The curves of a trajectory: a list of numbers, a colour and a weight for each.

@@ -24,7 +24,6 @@ class Space {
     this.light();
     this.ground();
     this.orbit = new Orbit(this.camera, canvas, () => { this.due = true; });
-    this.reset();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
   }

@@ -18,9 +18,9 @@ class Viewer {
     this.legend();
     this.charts = {};
     if (data.arrays.distance)
-      this.charts.distance = new Chart(by("charts"), "Closest pair", "distance [m]", { low: true }, (part) => this.seek(part));
+      this.charts.distance = new Chart(by("charts"), "Closest pair", "distance [m]", true, (part) => this.seek(part));
     for (const [name, title] of Object.entries(SIGNALS))
-      this.charts[name] = new Chart(by("charts"), title, this.unit(name), {}, (part) => this.seek(part));
+      this.charts[name] = new Chart(by("charts"), title, this.unit(name), false, (part) => this.seek(part));
     this.table();
     this.controls();
     this.choose(0);
