@@ -62,11 +62,15 @@ def test_the_score_is_that_of_the_page():
     table = README.partition("\n| claims about")[2].partition("\n\n")[0]
     shown = pd.read_csv(StringIO(table), sep=r"\s*\|\s*", engine="python", skiprows=2, header=None)
     found = pd.read_csv(ROOT / "docs" / "reproduction" / "tables" / "claims.csv")
-    verdict = found.ours.str.partition(" ")[2]
-    found["group"] = verdict.where(verdict.isin(["holds", "does not hold"]), "undecided")
-    counts = pd.crosstab(found.Kind, found.group)[["holds", "undecided", "does not hold"]]
-    score = {KINDS[row[1]]: [int(x) for x in row[2:6]] for row in shown.to_numpy().tolist()}
-    assert score == {kind: [sum(row), *row] for kind, row in zip(counts.index, counts.to_numpy().tolist())}
+    verdict, again = (found[name].str.partition(" ")[2] for name in ("ours", "ours_again"))
+    decided = {each: verdict == each for each in ("holds", "does not hold")}
+    columns = {"number": verdict.notna()}
+    for each, marked in decided.items():
+        columns |= {each: marked, f"{each}, confirmed": marked & (again == each)}
+    columns["undecided"] = ~verdict.isin(decided)
+    counts = pd.DataFrame(columns).groupby(found.Kind).sum()
+    score = {KINDS[row[1]]: [int(x) for x in row[2:8]] for row in shown.to_numpy().tolist()}
+    assert score == dict(zip(counts.index, counts.to_numpy().tolist()))
 
 
 @pytest.mark.parametrize("section", RESULTS.split("\n### "))
