@@ -61,7 +61,11 @@ _GROUP_ERRORS = ("dict_type", "dataclass_type")
 
 def build(kind: type[T], values: Mapping[str, Any]) -> T:
     """A dataclass from nested plain values; ConfigError with a line for each wrong or missing setting."""
-    text = json.dumps(values, default=_plain)
+    # By way of JSON, where strict mode still takes lists for tuples, and arrays become plain.
+    try:
+        text = json.dumps(values, default=_plain)
+    except TypeError as error:  # of a key
+        raise ConfigError(f"settings are {values!r}: {error}") from error
     try:
         return TypeAdapter(kind).validate_json(text, strict=True, extra="forbid")
     except ValidationError as error:
@@ -159,7 +163,8 @@ def _line(kind: type, place: Place, errors: "list[ErrorDetails]") -> str:
 def _expected(error: "ErrorDetails") -> str:
     for sign, limit in error.get("ctx", {}).items():
         if sign in _SIGNS:
-            return f"{'a whole number' if isinstance(limit, int) else 'a number'} {_SIGNS[sign]} {limit:g}"
+            kind, form = ("a whole number", ",") if isinstance(limit, int) else ("a number", "g")
+            return f"{kind} {_SIGNS[sign]} {limit:{form}}"
     return _EXPECTED.get(error["type"], error["msg"].removeprefix("Input should be "))
 
 

@@ -1,7 +1,6 @@
 """SIDE-GAN: the adversarial loop, shared by all variants."""
 
 import math
-from abc import abstractmethod
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
@@ -95,9 +94,9 @@ class SideGAN(pl.LightningModule):
             network.start_from(scaling.image(seeds))
         return network, scaling
 
-    @abstractmethod
     def losses(self) -> list[Loss]:
         """Losses of this variant in addition to ``floors``, with their current weights."""
+        raise NotImplementedError(f"{type(self).__name__} has no losses")
 
     @cached_property
     def floors(self) -> list[Loss]:
@@ -131,7 +130,10 @@ class SideGAN(pl.LightningModule):
         return Batch(c, images, c if generator.box is None else free, lambda: self.converter(seen))
 
     def training_step(self, rows: Tensor, index: int) -> None:
-        """The adversarial loop: a step of the discriminators on examples, rows (B,), then the generator's."""
+        """The adversarial loop: a step of the discriminators on examples, then the generator's.
+
+        ``rows`` are the numbers of these examples, (B,) int64.
+        """
         optimisers = self.optimizers()
         generator, *others = optimisers if isinstance(optimisers, list) else [optimisers]
         self.share = self.share_before(self.current_epoch, index)
@@ -188,6 +190,7 @@ class SideGAN(pl.LightningModule):
         groups = [list(self.generator.parameters()), others]
         betas = self.settings.generator.betas
         fused = self.device.type != "mps"  # five times as fast, but not on Apple's devices
+        # with a rate of one, which the schedules multiply by ``rate``
         adams = [torch.optim.Adam(weights, 1.0, betas, fused=fused) for weights in groups if weights]
         return adams, [torch.optim.lr_scheduler.LambdaLR(adam, self.rate) for adam in adams]
 

@@ -1,7 +1,8 @@
 """Rigid-body formulas on tuples of numbers, shared by all kernels.
 
 Kernels inline them (``jit.inline_functions``); this file does not need numba. A rate is the time derivative
-of a vector's components in a link's frame, which turns at the joint's speed. A cell is a time interval
+of a vector's components in the frame that it is written in; a link's frame turns at the joint's speed in its
+parent's, which adds a cross product when components move between frames. A cell is a time interval
 around a sample. Bounds on torque changes in a cell come from the Newton–Euler recursion on norms: each
 quantity x of a link carries bounds on (|x|, |ẋ|, |ẍ|). All is in SI units; of prismatic joints, m in place
 of rad and N in place of N·m.
@@ -203,7 +204,7 @@ def link_bounds(slides: bool, own: JointBounds, travel: Scalar, parent: MotionBo
     """
     w, al, a = parent
     v, acc, jerk, snap = own
-    # on α + ω × ω ×, by which a vector fixed in the parent accelerates
+    # bounds on α × + ω × ω ×, which gives the acceleration of a point fixed in the parent
     swing = add(al, product_bounds(w, w))
     velocity, acceleration = (v, acc, jerk), (acc, jerk, snap)
     if slides:

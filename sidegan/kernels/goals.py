@@ -2,6 +2,9 @@
 
 A function F of the Gram matrix G = YᵀWY / T has the derivative dF/dG = Σ weight · v vᵀ, so its gradient is
 that of the energy Σ weight · |√W Y v|² / T. Each goal writes its vectors v (directions) and their weights.
+Y is the regressor of T samples over the p base columns, and W has the weight of each joint's equations. Goals
+use an orthonormal basis: ``subspace`` is C, (p, p), lower triangular and sparse, whose columns are that basis
+over the base columns.
 """
 
 import math
@@ -110,8 +113,8 @@ def to_orthonormal(subspace: Array, gram: Array, square: Array, inner: Array) ->
 def _smooth_ratio(values: Array, slopes: Array) -> float:
     """Smooth log ratio of the largest to the smallest of ascending positive values; writes its gradient.
 
-    The logarithm of Σ λˢ over the largest, to the power 1/s, over the same of the smallest, 1/λ; values are
-    raised to at least the largest over ``HOPELESS``.
+    It is log (Σ λˢ)^(1/s) over the largest plus log (Σ λ⁻ˢ)^(1/s) over the smallest, with s = ``SHARPNESS``.
+    Values are raised in place to at least the largest over ``HOPELESS``, and keep their slope there.
     """
     count, total = len(values), 0.0
     floor = max(values[count - 1] / HOPELESS, _TINY)
@@ -274,7 +277,7 @@ def goal_of(goal: GoalArrays, subspace: Array, gram: Array, work: GoalBuffers) -
     """Goal for a Gram matrix of the base columns (p, p), and the number of directions written.
 
     Infinite, without directions, if the matrix is not finite or, but for the condition number, not positive
-    definite. That of a singular matrix is ``HOPELESS``.
+    definite. That of a singular matrix is about log ``HOPELESS``.
     """
     scale = to_orthonormal(subspace, gram, work.square, work.inner)
     if not (math.isfinite(scale) and scale > 0):

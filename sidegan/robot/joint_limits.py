@@ -19,7 +19,7 @@ _NESTED = 8  # most levels above joint_limits, as a node's parameters have them
 def completed_by_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
     """Given limits, completed by those of their file, and notes on the file.
 
-    Joints that the description does not have are ignored; a file without limits of others is refused.
+    Joints that the description does not have are ignored; a file without a limit of another is refused.
     """
     if given.file is None:
         return given, []
@@ -30,6 +30,8 @@ def completed_by_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
     for name, entry in limits.items():
         if name in tree.joints:
             for kind, value in _applicable(entry, tree.span(tree.joints[name])).items():
+                if kind == "position" and None in value:
+                    raise RobotError(f"{setting} gives {name} one end of a range, and the description none")
                 found.setdefault(kind, {})[name] = value
     if not found:
         raise RobotError(
@@ -45,7 +47,7 @@ def completed_by_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
             raise RobotError(f"{setting}: the positions of {name} are from {lower:g} to {upper:g}")
     ignored = f"; joints that the description does not have are ignored: {listed(foreign)}" if foreign else ""
     note = f"{listed(sorted(found))} limits come from {given.file}{ignored}"
-    both: dict[str, Any] = {  # the user's own win
+    both: dict[str, Any] = {  # limits that the user set override the file's
         kind: (getattr(read, kind) or {}) | (getattr(given, kind) or {}) for kind in ("position", *_KINDS)
     }
     return Limits(**both), [note]
@@ -58,25 +60,34 @@ def _read(file: Path, setting: str) -> dict[str, Mapping[str, Any]]:
     class Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
         """A YAML loader that knows ROS's angle tags."""
 
-    Loader.add_constructor("!degrees", lambda yaml, node: math.radians(float(yaml.construct_scalar(node))))
-    Loader.add_constructor("!radians", lambda yaml, node: float(yaml.construct_scalar(node)))
+    Loader.add_constructor(
+        "!degrees", lambda loader, node: math.radians(float(loader.construct_scalar(node)))
+    )
+    Loader.add_constructor("!radians", lambda loader, node: float(loader.construct_scalar(node)))
     try:
         content = yaml.load(file.expanduser().read_text(encoding="utf-8"), Loader)
     except (OSError, RuntimeError, ValueError, yaml.YAMLError) as error:  # RuntimeError: no such home
         raise RobotError(f"{setting} cannot be read: {' '.join(str(error).split())}") from error
-    for _ in range(_NESTED):
-        if isinstance(content, Mapping) and "joint_limits" not in content and len(content) == 1:
-            (content,) = content.values()
-    limits = content.get("joint_limits") if isinstance(content, Mapping) else None
-    if not isinstance(limits, Mapping):
+    limits = _within(content, _NESTED)
+    if limits is None:
         raise RobotError(f"{setting} has no joint_limits, expected MoveIt's joint_limits.yaml")
     return {str(name): entry for name, entry in limits.items() if isinstance(entry, Mapping)}
 
 
-def _applicable(limits: Mapping[str, Any], described: tuple[float, float] | None) -> dict[str, Any]:
-    """A joint's limits by kind: those that no flag turns off, as in MoveIt.
+def _within(content: Any, depth: int) -> Mapping[Any, Any] | None:
+    """The mapping ``joint_limits`` in nested ones, at most so deep; None if there is none."""
+    if not isinstance(content, Mapping) or depth == 0:
+        return None
+    if isinstance(limits := content.get("joint_limits"), Mapping):
+        return limits
+    found = (_within(inner, depth - 1) for inner in content.values())
+    return next((limits for limits in found if limits is not None), None)
 
-    A range with one end has the other from the description.
+
+def _applicable(limits: Mapping[str, Any], described: tuple[float, float] | None) -> dict[str, Any]:
+    """A joint's limits by kind, except those that ``has_…_limits: false`` turns off, as in MoveIt.
+
+    If only one end of a range is given, the other is the description's [rad or m].
     """
     found = {kind: limits.get(f"max_{kind}") for kind in _KINDS if limits.get(f"has_{kind}_limits", True)}
     ends = limits.get("min_position"), limits.get("max_position")

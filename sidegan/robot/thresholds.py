@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 
 class Largest(NamedTuple):
-    """The largest plausible limit of a joint, the unit that a larger one may be in, and its factor."""
+    """The largest plausible limit of a joint in SI units, the likely unit of a larger one, and its factor."""
 
     value: float
     unit: str
@@ -28,7 +28,7 @@ FULL_TURN = 2.02 * math.pi  # [rad] usual limit of a joint or an angle, rounded 
 ENDLESS = 500.0  # a limit this many times the largest plausible one is a placeholder
 ROUND_NUMBER = 2e-3  # tolerance of placeholders: relative of powers of ten (999), absolute of half turns
 LONGEST_ARM = 100.0  # [m] of all links together, beyond which they must be in millimetres
-# An arm heavier than both of [kg] and [kg/m³] over its reach cubed is in grams: known ones have up to 540.
+# An arm heavier than both of [kg] and [kg/m³] over its reach cubed is in grams: known arms reach 540 kg/m³.
 HEAVIEST_ARM, DENSEST_ARM = 50.0, 1000.0
 # A radius of gyration above both of [m] and [reaches] is impossible: inertias are in one of these units.
 GYRATION, GYRATION_PER_REACH = 6.0, 3.0

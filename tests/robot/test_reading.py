@@ -248,7 +248,7 @@ JOINTS = {
 }
 FILES = {
     "MoveIt's": {"default_velocity_scaling_factor": 0.1, "joint_limits": JOINTS},
-    "of a node": {"/**": {"ros__parameters": {"robot_description_planning": {"joint_limits": JOINTS}}}},
+    "of a node": {"/**": {"ros__parameters": {"sim": True, "planning": {"joint_limits": JOINTS}}}},
 }
 
 

@@ -16,15 +16,16 @@ from sidegan.pipeline.tracking import Tracker
 def _module(run: RunContext) -> ModuleType:
     """The module that the setting ``table`` names."""
     name = run.cfg.table
+    missing = f"table is {name!r}: there is no such module (the package experiments is only in a clone)"
+    if not all(part.isidentifier() for part in name.split(".")):
+        raise ConfigError(missing)
     try:
         return import_module(name)
-    except (ModuleNotFoundError, TypeError, ValueError) as error:  # not a name: '', '.x'
-        missing = getattr(error, "name", None) or name
-        if not f"{name}.".startswith(f"{missing}."):  # the module exists, and imports another that does not
+    except ModuleNotFoundError as error:
+        packages = f"{name}.".startswith(f"{error.name}.")  # it, or one above it
+        if not packages:  # another one, which this module imports
             raise
-        raise ConfigError(
-            f"table is {name!r}: there is no such module (the package experiments comes with a clone alone)"
-        ) from error
+        raise ConfigError(missing) from error
 
 
 def _check(run: RunContext) -> None:
