@@ -12,16 +12,13 @@ from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.robot import placeholder_links
 
 _DISTANCE_RATE = 25.0  # [Hz] at which distances are computed
-_DERIVATIVES = {
-    "velocity": (1, "/s"),
-    "acceleration": (2, "/s²"),
-    "jerk": (3, "/s³"),
-}  # order, unit
+# order of each derivative, and what follows rad or m in its unit
+_DERIVATIVES = {"velocity": (1, "/s"), "acceleration": (2, "/s²"), "jerk": (3, "/s³")}
 _UNKNOWN = "—"
 
 
 def energy_of(cell: Cell, motion: Motion) -> Array:
-    """Mechanical work of the joints, whether they drive or brake [J], (N,)."""
+    """Integral of Σ |τ q̇| [J], (N,): braking counts like driving."""
     power = np.abs(cell.body.drive_torque(*motion[1:]) * motion.velocity).sum(2)
     return np.trapezoid(power, motion.time, axis=1)
 
@@ -30,7 +27,8 @@ def demands_of(cell: Cell, family: Trajectory, c: Array, conditions: Array, rate
     """Demands of each trajectory as text, a row each: cond(YᵀY), peaks, clearance and energy.
 
     Trajectories have coefficients [rad/s], (N, J, H, 2), and condition numbers, (N,). Peaks are of samples at
-    a rate [Hz], and relative to the arm's full limits. What needs masses is unknown without them.
+    a rate [Hz], and relative to the limits before the effort reduces them. Torque and energy are "—" without
+    masses. Clearance is sampled, and may be less between samples: validity is proven elsewhere.
     """
     arm = cell.whole_arm
     times = family.times(rate)
@@ -52,13 +50,14 @@ def demands_of(cell: Cell, family: Trajectory, c: Array, conditions: Array, rate
 
 
 def _peaks(signal: Array, limit: Array | None, units: list[str]) -> list[str]:
-    """Peak of each trajectory (N, T, J) at the joint that comes closest to its limit, (J,), (N,) texts.
+    """Texts (N,), such as "83%, 1.2 rad/s": each trajectory's peak at the joint nearest to its limit.
 
-    They are like "83%, 1.2 rad/s"; without limits the largest number alone.
+    ``signal`` is (N, T, J), ``limit`` (J,), each in the joint's unit. Without limits, the largest by unit.
     """
     most = np.abs(signal).max(1)
     if limit is None or not np.isfinite(limit).any():
-        return [f"{plain(row[j])} {units[j]}" for row, j in zip(most, most.argmax(1))]
+        joints = {unit: [own == unit for own in units] for unit in units}
+        return [", ".join(f"{plain(row[of].max())} {unit}" for unit, of in joints.items()) for row in most]
     share = most / limit
     worst = zip(share, most, share.argmax(1))
     return [f"{used[j]:.0%}, {plain(row[j])} {units[j]}" for used, row, j in worst]
