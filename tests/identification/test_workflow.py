@@ -275,6 +275,7 @@ def test_a_model_of_rigid_bodies_alone_is_identified(planar):
     plain = Terms(viscous=False, coulomb=False, offset=False)
     found = identify_arm(planar, parts[:1], parts[1:], plain, EstimationSettings())
     assert found.quality.verdict == GOOD and found.model.kinds == ()
+    assert not any(x.any() for x in vars(found.drives("viscous", "coulomb")).values())  # as files have them
 
 
 def test_links_without_a_mass_are_no_load_that_differs(planar):

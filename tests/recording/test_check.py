@@ -12,6 +12,7 @@ from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
+from sidegan.recording.agreement import to_reverse
 from sidegan.recording.check import check_recording
 from sidegan.recording.checked import hold_out
 from sidegan.recording.delay import Delay, delay_of, pool_delays
@@ -252,3 +253,8 @@ def test_a_load_that_is_to_be_identified_is_no_contradiction(planar, recording, 
     plain, loaded = read_and_check([(path, "training"), (path, "loaded")], planar, of_file())
     assert any("times those expected" in warning for warning in plain.warnings)
     assert not any("times those expected" in warning for warning in loaded.warnings)
+
+
+@pytest.mark.parametrize(("set_before", "advised"), [("elbow", "[shoulder,elbow]"), ("shoulder", "[]")])
+def test_advice_to_reverse_a_torque_adds_to_what_is_set_or_takes_it_back(planar, set_before, advised):
+    assert advised in to_reverse(planar, np.array([True, False]), [set_before])
