@@ -255,6 +255,6 @@ def test_a_load_that_is_to_be_identified_is_no_contradiction(planar, recording, 
     assert not any("times those expected" in warning for warning in loaded.warnings)
 
 
-@pytest.mark.parametrize(("set_before", "advised"), [("elbow", "[shoulder,elbow]"), ("shoulder", "[]")])
+@pytest.mark.parametrize(("set_before", "advised"), [("elbow", "[shoulder, elbow]"), ("shoulder", "[]")])
 def test_advice_to_reverse_a_torque_adds_to_what_is_set_or_takes_it_back(planar, set_before, advised):
     assert advised in to_reverse(planar, np.array([True, False]), [set_before])
