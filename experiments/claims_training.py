@@ -59,6 +59,9 @@ _ORDERS, _VALID = 1e4, 1e2  # least speed-up of a generated trajectory, and of o
 
 def _predictor(made: Artifacts) -> Judgement:
     told = made.surrogates
+    numbers = {"accurate": _ACCURATE}
+    if told["rejected"] is None:
+        return Judgement(UNKNOWN, "the vanilla GAN made no faulty sample to reject", numbers)
     late = {name: _odds(made, at(made, name, "success", LATE)) for name in SIDE_GANS}
     ours = f"accepts {told['accepted']:.1%} of held-out seeds and rejects {told['rejected']:.1%} of faulty "
     sizes = [key for key in told if key.startswith("accepted_")]
@@ -67,7 +70,7 @@ def _predictor(made: Artifacts) -> Judgement:
     ours += "; valid share of all samples of the generators"
     ours += f" that it taught, from epoch {LATE} on: {shares(late)}"
     parts = [HOLDS if told[key] >= _ACCURATE else NOT for key in ("accepted", "rejected")]
-    return Judgement.of_each(parts, ours, {"accurate": _ACCURATE})
+    return Judgement.of_each(parts, ours, numbers)
 
 
 def _reliable(made: Artifacts) -> Judgement:

@@ -88,6 +88,11 @@ def test_what_a_tiny_run_of_another_arm_has_no_numbers_of_is_not_measured(usual)
     assert len(unknown) < len(usual) / 2
 
 
+def test_a_predictor_without_faulty_samples_is_not_judged_by_them(artifacts):
+    told = artifacts.surrogates | {"rejected": None}
+    assert judged(artifacts.run, surrogates=told)["predictor"].verdict == UNKNOWN
+
+
 def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(usual):
     assert [claim.key for claim in usual] == list(PAPER["claims"]) and len(usual) >= 25
     assert len({claim.text for claim in usual}) == len(usual)
