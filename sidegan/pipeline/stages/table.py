@@ -22,8 +22,8 @@ def _module(run: RunContext) -> ModuleType:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        packages = f"{name}.".startswith(f"{error.name}.")  # it, or one above it
-        if not packages:  # another one, which this module imports
+        itself_or_above = f"{name}.".startswith(f"{error.name}.")
+        if not itself_or_above:  # another module, which this one imports
             raise
         raise ConfigError(missing) from error
 
