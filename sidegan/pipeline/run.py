@@ -2,7 +2,6 @@
 
 import errno
 import logging
-import os
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -22,7 +21,7 @@ from sidegan.errors import ConfigError, SideganError, StorageError
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.stages import STAGES
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.sweep import PARENT, STATUS
+from sidegan.pipeline.sweep import STATUS, parent_run
 from sidegan.pipeline.tracking import Tracker
 
 if TYPE_CHECKING:  # imports every room: too slow for `--help`
@@ -58,7 +57,7 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
     for part in stages.values():  # all checks come before any work
         list(part.artifacts(run))
         part.check(run)
-    tracker = Tracker(run.store.root, config.experiment, name, config.tracking, os.environ.get(PARENT))
+    tracker = Tracker(run.store.root, config.experiment, name, config.tracking, parent_run(run_folder))
     run.store.curves = tracker.curves
     with tracker, on_cluster(config.parallel.scheduler):
         tracker.log_params(config.plain())

@@ -1,7 +1,6 @@
 """A sweep: its parent run, and the table over all jobs, mean ± standard deviation over random seeds."""
 
 import logging
-import os
 import re
 from collections.abc import Sequence
 from contextlib import suppress
@@ -12,7 +11,7 @@ import yaml
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
-from sidegan.base.storage import read_json, write_bytes
+from sidegan.base.storage import read_json, write_bytes, write_json
 from sidegan.errors import SideganError
 from sidegan.pipeline.tracking import Status, Tracker
 
@@ -21,8 +20,7 @@ if TYPE_CHECKING:  # slow to import
 
 _log = logging.getLogger(__name__)
 
-# environment variable, since jobs may run in other processes
-PARENT = "SIDEGAN_PARENT_RUN"
+PARENT = "parent.json"  # of a sweep: its run in MLflow, which jobs find in whichever process or machine
 STATUS = "status.json"
 RESULTS, SWEEP_RESULTS = "results.csv", "sweep_results.csv"  # of a job, and of all jobs, as numbers
 _OVERRIDES = Path(".hydra", "overrides.yaml")  # of a job, in its folder
@@ -46,7 +44,7 @@ class SweepCallback(Callback):
         name = " ".join([config.experiment, "sweep", *words])[:200]
         _parent = Tracker(Path(config.outputs), config.experiment, name, str(config.tracking))
         if _parent.run_id:
-            os.environ[PARENT] = _parent.run_id
+            write_json(folder / PARENT, {"run": _parent.run_id})
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
         """Record the table over all jobs, close the parent run, and exit with the worst job's code."""
@@ -75,10 +73,15 @@ class SweepCallback(Callback):
 def end_sweep(status: Status) -> None:
     """Close the parent run, if one is open."""
     global _parent
-    os.environ.pop(PARENT, None)
     if _parent is not None:
         _parent.finish(status)
     _parent = None
+
+
+def parent_run(job: Path) -> str | None:
+    """ID in MLflow of the sweep that a job's folder belongs to; None outside of sweeps."""
+    path = job.parent / PARENT
+    return read_json(path)["run"] if path.exists() else None
 
 
 def job_codes(sweep: Path) -> dict[Path, int]:
