@@ -1,10 +1,12 @@
 """The generator of trajectories: network, scaling and limits, saved in one file."""
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from numbers import Integral
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -16,19 +18,20 @@ from sidegan.gan.published import ConvolutionalGenerator, PublishedScaling
 from sidegan.gan.scaling import CoefficientBox, LimitLayer, Scaling
 from sidegan.gan.tensors import numpy_array, read_tensors, write_tensors
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm
+from sidegan.robot import Arm, MotionLimits
 
 _FORMAT = 9
+_LIMITS = [field.name for field in fields(MotionLimits) if field.name not in ("name", "digest")]
 
 
 class TrajectoryGenerator(nn.Module):
-    """A generator network with its scaling, the trajectories' family and the arm that it was trained for.
+    """A generator network with its scaling, the trajectories' family, and the limits of its arm.
 
     Args:
         network: noise → images.
         scaling: images → coefficients, before the box if there is one.
         trajectory: the family of trajectories.
-        arm: that the trajectories are for.
+        arm: the arm that the trajectories are for, or its limits alone.
         limited: whether a last layer enforces the limits on motion.
         box: bound on the absolute coefficients [rad/s]; None: no bound.
         corrections: number of networks that correct images, given their trajectories, one after the other.
@@ -39,7 +42,7 @@ class TrajectoryGenerator(nn.Module):
         network: FromNoise,
         scaling: Scaling | PublishedScaling,
         trajectory: Trajectory,
-        arm: Arm,
+        arm: MotionLimits,
         *,
         limited: bool = False,
         box: float | None = None,
@@ -83,12 +86,21 @@ class TrajectoryGenerator(nn.Module):
         noise = torch.Generator().manual_seed(seed)
         return lambda count: self.sample(count, noise)
 
+    def predict(self, wanted: Any) -> Array:
+        """New coefficients [rad/s], (count, J, H, 2), as MLflow calls it.
+
+        ``wanted``: a dictionary, or a table with one row, of ``count`` and ``seed``, which is 0 if missing.
+        """
+        return self.sample(*(np.asarray(wanted.get(name, 0)).item() for name in ("count", "seed")))
+
     def save(self, path: Path) -> None:
         """Write a file of tensors and plain values."""
+        limits = {name: getattr(self.arm, name) for name in _LIMITS}
         content = {
             "format": _FORMAT,
             "robot": self.arm.name,
             "digest": self.arm.digest,
+            "limits": {name: None if x is None else torch.tensor(x) for name, x in limits.items()},
             "trajectory": asdict(self.trajectory) | {"home": list(self.trajectory.home or ())},
             "network": self.network.settings,
             "limited": self.limits is not None,
@@ -100,8 +112,8 @@ class TrajectoryGenerator(nn.Module):
         write_tensors(path, content)
 
     @classmethod
-    def load(cls, path: Path, arm: Arm) -> "TrajectoryGenerator":
-        """Generator for an arm from a file that ``save`` wrote; no code in the file is executed.
+    def load(cls, path: Path, arm: Arm | None = None) -> "TrajectoryGenerator":
+        """Generator from a file that ``save`` wrote, for an arm if given; no code in the file is executed.
 
         Raises:
             ArtifactError: for a damaged, incomplete or foreign file, or a different arm.
@@ -110,7 +122,7 @@ class TrajectoryGenerator(nn.Module):
         if not isinstance(content, dict) or content.get("format") != _FORMAT:
             raise ArtifactError(f"{path} does not hold a trajectory generator of format {_FORMAT}")
         with reading(path, "generator"):
-            if content["digest"] != arm.digest:
+            if arm is not None and content["digest"] != arm.digest:
                 other = arm.unlike(content["robot"], content["digest"])
                 raise ArtifactError(f"{path} was trained for {other}")
             if not all(torch.isfinite(x).all() for x in content["weights"].values()):
@@ -122,6 +134,17 @@ class TrajectoryGenerator(nn.Module):
             ours = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
             scaling = PublishedScaling(joints, family.harmonics) if published else ours
             last = {name: content[name] for name in ("limited", "box", "corrections")}
-            generator = cls(network, scaling, family, arm, **last)
+            generator = cls(network, scaling, family, arm or _stored_limits(content), **last)
             generator.load_state_dict(content["weights"])
         return generator.eval()
+
+
+def _stored_limits(content: dict[str, Any]) -> MotionLimits:
+    """The limits of the arm that a generator's file was written for."""
+    limits = {name: None if x is None else numpy_array(x) for name, x in content["limits"].items()}
+    return MotionLimits(content["robot"], content["digest"], **limits)
+
+
+def _load_pyfunc(path: str) -> TrajectoryGenerator:
+    """The generator for ``mlflow.pyfunc.load_model``, which finds it by the file MLmodel beside it."""
+    return TrajectoryGenerator.load(Path(path))

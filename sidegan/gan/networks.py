@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from sidegan.base.arrays import flatten
 from sidegan.gan.tensors import constant
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import DERIVATIVE_ORDER, Arm
+from sidegan.robot import DERIVATIVE_ORDER, MotionLimits
 
 _SMALL = 0.1  # initial scale of the layers next to the shortcut
 _DRAWS = 1024  # samples for the layers' mean
@@ -125,7 +125,7 @@ class RollOut(nn.Module):
     the coefficients: position, velocity and, if present, acceleration and jerk.
     """
 
-    def __init__(self, arm: Arm, trajectory: Trajectory, steps: int) -> None:
+    def __init__(self, arm: MotionLimits, trajectory: Trajectory, steps: int) -> None:
         super().__init__()
         self.steps = steps
         self.orders = [1, *(DERIVATIVE_ORDER[name] for name in arm.higher_limits)]
@@ -163,7 +163,7 @@ class Correction(nn.Module):
     shows: the network learns the step that an optimiser would take.
     """
 
-    def __init__(self, arm: Arm, trajectory: Trajectory, width: int) -> None:
+    def __init__(self, arm: MotionLimits, trajectory: Trajectory, width: int) -> None:
         super().__init__()
         size = math.prod(trajectory.shape)
         steps = _POINTS * trajectory.harmonics

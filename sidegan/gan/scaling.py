@@ -10,7 +10,7 @@ from sidegan.base.arrays import flatten
 from sidegan.errors import ShapeError
 from sidegan.gan.tensors import constant
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import DERIVATIVE_ORDER, Arm
+from sidegan.robot import DERIVATIVE_ORDER, MotionLimits
 
 _SHRINKAGE = 1e-3  # share of the mean variance added to each covariance, which few seeds leave singular
 _POINTS = 24  # time points per harmonic
@@ -71,7 +71,7 @@ class LimitLayer(nn.Module):
     fourth and fifth of the position, which have closed bounds. The bounds also scale with the coefficients.
     """
 
-    def __init__(self, arm: Arm, trajectory: Trajectory) -> None:
+    def __init__(self, arm: MotionLimits, trajectory: Trajectory) -> None:
         super().__init__()
         count = _POINTS * trajectory.harmonics
         times = np.linspace(0.0, trajectory.period, count + 1)

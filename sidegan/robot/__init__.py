@@ -1,7 +1,7 @@
 """Arms read from a description: placements, axes, inertias, limits and collision geometry as arrays."""
 
 from sidegan.base.settings_text import changes, command_messages, robot_settings, setting
-from sidegan.robot.arm import DERIVATIVE_ORDER, Arm, Capsules, with_effort
+from sidegan.robot.arm import DERIVATIVE_ORDER, Arm, Capsules, MotionLimits, with_effort
 from sidegan.robot.consistency import (
     about_the_centre,
     describe_doubtful_links,
@@ -25,6 +25,7 @@ __all__ = [
     "Capsules",
     "Drives",
     "Limits",
+    "MotionLimits",
     "Setup",
     "about_the_centre",
     "built_in_robots",

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -63,11 +63,34 @@ class Capsules:
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class MotionLimits:
+    """The limits of an arm's J joints that are linear in a motion."""
+
+    name: str  # of the arm in its description
+    digest: str  # sha256 of all the arm's numbers, without names and paths
+    position_lower: Array  # [rad or m], (J,)
+    position_upper: Array  # [rad or m], (J,)
+    velocity_limit: Array  # [rad/s or m/s], (J,)
+    # [rad/s² or m/s²] and [rad/s³ or m/s³], (J,); None if there is none
+    acceleration_limit: Array | None = field(default=None, kw_only=True)
+    jerk_limit: Array | None = field(default=None, kw_only=True)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints J."""
+        return len(self.velocity_limit)
+
+    @property
+    def higher_limits(self) -> dict[str, Array]:
+        """Limits on acceleration and jerk, (J,), if there are any; infinite for joints without one."""
+        limits = {"acceleration": self.acceleration_limit, "jerk": self.jerk_limit}
+        return {name: x for name, x in limits.items() if x is not None and np.isfinite(x).any()}
+
+
+@dataclass(frozen=True, eq=False)
+class Arm(MotionLimits):
     """A serial chain of J revolute and prismatic joints; float64, SI units."""
 
-    name: str  # in the description
-    digest: str  # sha256 of all the numbers below, without names and paths
     joint_names: tuple[str, ...]  # from the base outwards
     prismatic: Array  # whether each joint is prismatic, (J,) bool
     # orientation of joint i's frame in joint i-1's (joint 0: in the world) at q = 0, (J, 3, 3)
@@ -76,9 +99,6 @@ class Arm:
     axis: Array  # unit vector in the joint's own frame, (J, 3)
     # m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joint's frame, (J, 10)
     inertial_parameters: Array
-    position_lower: Array  # [rad or m], (J,)
-    position_upper: Array  # [rad or m], (J,)
-    velocity_limit: Array  # [rad/s or m/s], (J,)
     torque_limit: Array  # [N·m or N], (J,); infinite where there is none
     gravity: Array  # [m/s²], (3,), in the world
     capsules: Capsules
@@ -87,8 +107,6 @@ class Arm:
     link_names: tuple[str, ...]  # link that each joint moves
     setup: Setup = PLAIN  # the user's choices
     mount: Mount = (0.0, 0.0, 0.0)  # roll, pitch and yaw [rad] of the description's first link in the world
-    acceleration_limit: Array | None = None  # [rad/s² or m/s²], (J,); None if there is none
-    jerk_limit: Array | None = None  # [rad/s³ or m/s³], (J,)
     notes: tuple[str, ...] = ()  # for people, on what was locked, lumped and assumed
     # links, each with its nearest ancestor that has a shape; None: all links with one joint between them
     parents: frozenset[tuple[str, str]] | None = None
@@ -100,20 +118,9 @@ class Arm:
     drives: Drives | None = None  # the description's friction and rotors, which count in torques
 
     @property
-    def joints(self) -> int:
-        """Number of joints J."""
-        return len(self.joint_names)
-
-    @property
     def known_drives(self) -> Drives:
         """Friction and rotors, zero unless the description states them."""
         return self.drives or Drives.none(self.joints)
-
-    @property
-    def higher_limits(self) -> dict[str, Array]:
-        """Limits on acceleration and jerk, (J,), if there are any; infinite for joints without one."""
-        limits = {"acceleration": self.acceleration_limit, "jerk": self.jerk_limit}
-        return {name: x for name, x in limits.items() if x is not None and np.isfinite(x).any()}
 
     @property
     def locked(self) -> str:

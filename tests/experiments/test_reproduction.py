@@ -16,7 +16,7 @@ from sidegan.errors import ConfigError
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.selection import library
-from sidegan.pipeline.stages.training import generator, surrogate_networks
+from sidegan.pipeline.stages.training import generator, load_generator, surrogate_networks
 from tests.tiny import tiny
 
 
@@ -53,6 +53,16 @@ def test_a_run_lists_its_artifacts_those_on_fewer_seeds_apart(page, outputs):
         made
     )
     assert all((outputs / folder / "params.json").is_file() for folder in made.values())
+
+
+def test_mlflow_loads_a_generator_without_its_arm(artifacts):
+    import mlflow
+
+    made = generator(artifacts.run, "eigen", artifacts.cfg.trainings[0])
+    served = mlflow.pyfunc.load_model(str(artifacts.run.store.require(made)))
+    own = load_generator(artifacts.run, made)
+    for wanted in ({"count": 5, "seed": 3}, pd.DataFrame({"count": [5], "seed": [3]})):
+        assert np.array_equal(served.predict(wanted), own.sample(5, 3))
 
 
 def test_only_a_variant_with_surrogates_pays_for_them(artifacts):

@@ -30,9 +30,10 @@ def test_a_saved_generator_gives_identical_samples(family, seeds, names, box, co
         torch.nn.init.normal_(correction.layers[-1].weight, std=0.1)
     assert np.array_equal(generator.sample(20, 5), plain) == (not corrections)
     generator.save(tmp_path / "generator.pt")
-    loaded = TrajectoryGenerator.load(tmp_path / "generator.pt", arm)
-    assert np.array_equal(loaded.sample(20, 5), generator.sample(20, 5))
-    assert loaded.trajectory == generator.trajectory
+    for given in (arm, None):  # the limits are in the file
+        loaded = TrajectoryGenerator.load(tmp_path / "generator.pt", given)
+        assert np.array_equal(loaded.sample(20, 5), generator.sample(20, 5))
+        assert loaded.trajectory == generator.trajectory
 
 
 def test_samples_follow_their_seed(generator):
