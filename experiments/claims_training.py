@@ -273,7 +273,12 @@ def _few_seeds_excite(made: Artifacts) -> Judgement:
 
 
 def _few(made: Artifacts, key: str) -> tuple[dict[str, pd.Series], int]:
-    """A metric after the last epoch on the smallest subset of the seeds, by variant; the subset's size."""
+    """A metric after the last epoch on the smallest subset of the seeds, by variant; the subset's size.
+
+    Without training on subsets there are no variants, and the size is the paper's.
+    """
+    if not made.cfg.discussion.sizes:
+        return {}, PAPER["few_seeds"]
     frame = made.subsets
     smallest = int(frame.seeds.min())
     part = frame[frame.seeds == smallest]
@@ -305,7 +310,7 @@ def _few_seeds_faster(made: Artifacts) -> Judgement:
     seed = made.seed_seconds
     each = {name: drawn / float(x.mean()) for name, x in valid.items()}
     ours = "; ".join(f"{name} {seconds(x)}" for name, x in each.items()) + f" against {seconds(seed)}"
-    return replace(_measured(seed / max(each.values()), 1.0, ours), numbers={"seeds": smallest})
+    return replace(_measured(seed / max(each.values(), default=np.nan), 1.0, ours), numbers={"seeds": smallest})
 
 
 def _checked(made: Artifacts) -> Judgement:

@@ -166,9 +166,10 @@ class Judgement:
     def of_each(
         cls, parts: Iterable[str], ours: str, numbers: Mapping[str, Any] | None = None
     ) -> "Judgement":
-        """Judgement of a claim about several variants, from the verdict on each."""
+        """Judgement of a claim about several variants, from the verdict on each; unknown if there are none."""
         verdicts = list(parts)
-        return cls(together(verdicts), tally(verdicts) + ours, dict(numbers or {}))
+        text = tally(verdicts) + ours if verdicts else UNKNOWN
+        return cls(together(verdicts), text, dict(numbers or {}))
 
 
 def by_epoch(made: Artifacts, variant: str, key: str) -> pd.DataFrame:

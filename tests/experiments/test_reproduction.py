@@ -8,15 +8,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from experiments import reproduction
 from experiments.artifacts import Artifacts
 from experiments.claims import claims, confirmed
 from experiments.pages import DOCS, PAPER
 from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED, UNKNOWN, Judgement
 from sidegan.errors import ConfigError
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.selection import library
 from sidegan.pipeline.stages.training import generator, load_generator, surrogate_networks
+from sidegan.pipeline.store import Store
 from tests.tiny import tiny
 
 
@@ -63,6 +66,14 @@ def test_mlflow_loads_a_generator_without_its_arm(artifacts):
     own = load_generator(artifacts.run, made)
     for wanted in ({"count": 5, "seed": 3}, pd.DataFrame({"count": [5], "seed": [3]})):
         assert np.array_equal(served.predict(wanted), own.sample(5, 3))
+
+
+def test_nothing_is_said_of_fewer_seeds_that_nothing_was_trained_on(page, outputs):
+    config = tiny(f"outputs={outputs}", "discussion.sizes=[]", experiment="reproduction")
+    whole = reproduction.collect(RunContext(config, Store(outputs)))
+    found = {claim.key: claim for claim in claims(whole) if claim.key.startswith("few_seeds")}
+    assert len(found) == 3 and {claim.findings["ours"].verdict for claim in found.values()} == {UNKNOWN}
+    assert all("240 seeds" in claim.text for claim in found.values())
 
 
 def test_only_a_variant_with_surrogates_pays_for_them(artifacts):
