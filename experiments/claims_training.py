@@ -310,7 +310,8 @@ def _few_seeds_faster(made: Artifacts) -> Judgement:
     seed = made.seed_seconds
     each = {name: drawn / float(x.mean()) for name, x in valid.items()}
     ours = "; ".join(f"{name} {seconds(x)}" for name, x in each.items()) + f" against {seconds(seed)}"
-    return replace(_measured(seed / max(each.values(), default=np.nan), 1.0, ours), numbers={"seeds": smallest})
+    found = _measured(seed / max(each.values(), default=np.nan), 1.0, ours)
+    return replace(found, numbers={"seeds": smallest})
 
 
 def _checked(made: Artifacts) -> Judgement:

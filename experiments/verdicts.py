@@ -166,7 +166,7 @@ class Judgement:
     def of_each(
         cls, parts: Iterable[str], ours: str, numbers: Mapping[str, Any] | None = None
     ) -> "Judgement":
-        """Judgement of a claim about several variants, from the verdict on each; unknown if there are none."""
+        """Judgement of a claim about several variants, from the verdict on each; unknown without any."""
         verdicts = list(parts)
         text = tally(verdicts) + ours if verdicts else UNKNOWN
         return cls(together(verdicts), text, dict(numbers or {}))
