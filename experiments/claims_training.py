@@ -159,10 +159,13 @@ def _comparable(made: Artifacts) -> Judgement:
 
 
 def _covered(made: Artifacts, key: str, names: Iterable[str]) -> dict[str, pd.Series]:
-    """Log ratio of each generator's coverage of half of the seeds to that by the other half, by training."""
+    """Log ratio of each generator's coverage of half of the seeds to that by the other half, by training.
+
+    One that covers no seed counts as if it covered half of one.
+    """
     of_set = made.generators.set_index(TRAINING).astype({key: float}).groupby("name")[key]
-    others = of_set.get_group(SEEDS).mean()
-    return {name: np.log(of_set.get_group(name) / others) for name in names}
+    others, least = of_set.get_group(SEEDS).mean(), 1 / made.cfg.seeds.count
+    return {name: np.log(of_set.get_group(name).clip(least) / others) for name in names}
 
 
 def _no_collapse(made: Artifacts) -> Judgement:
@@ -172,7 +175,7 @@ def _no_collapse(made: Artifacts) -> Judgement:
     cosines = {name: at(made, name, "cosine", LATE) for name in GANS}
     ours = f"coverage relative to the seeds': {ratios(covered)}; directions: {ratios(ranks)}; "
     ours += f"mean cosine: {intervals(cosines)}"
-    parts = (above(x, np.log(_COLLAPSED)) for x in covered.values())
+    parts = (above(x, np.log(_COLLAPSED)) for x in (*covered.values(), *ranks.values()))
     return Judgement.of_each(parts, ours, {"collapsed": _COLLAPSED})
 
 

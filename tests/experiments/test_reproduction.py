@@ -114,6 +114,17 @@ def test_a_predictor_without_faulty_samples_is_not_judged_by_them(artifacts):
     assert judged(artifacts.run, surrogates=told)["predictor"].verdict == UNKNOWN
 
 
+@pytest.mark.parametrize(("directions", "verdict"), [(60.0, HOLDS), (6.0, NOT)])
+def test_few_motions_that_cover_all_seeds_are_a_collapse(artifacts, directions, verdict):
+    histories = artifacts.histories
+    ranks = directions + 0.1 * histories.training
+    late = histories.assign(epoch=histories.epoch + 39, rank_uncentred=ranks)
+    covering = artifacts.generators.assign(coverage=1.0 + 0.01 * artifacts.generators.training)
+    seeds = artifacts.few_seeds | {"rank_uncentred": 70.0}
+    found = judged(artifacts.run, histories=late, generators=covering, few_seeds=seeds)
+    assert found["no_collapse"].verdict == verdict
+
+
 def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(usual):
     assert [claim.key for claim in usual] == list(PAPER["claims"]) and len(usual) >= 25
     assert len({claim.text for claim in usual}) == len(usual)
