@@ -11,7 +11,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.pairs import random_configurations
-from sidegan.validity.remedies import remedy
+from sidegan.validity.remedies import Violation, remedy
 from sidegan.validity.thresholds import CAREFUL_EFFORT, CAREFULLY_HELD, HOME_TURN
 
 _SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)  # of the ranges around their centre, tried in turn
@@ -45,16 +45,16 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
         tried.append(_rooms(constraints, q))
         if bool((good := _roomy(constraints, tried[-1], beside)).any()):
             return tuple(q[(_least(tried[-1]) * good).argmax()].tolist())
-    rooms = {name: np.concatenate([room[name] for room in tried]) for name in tried[0]}
-    violated = {
-        (name, where): share
-        for name, room in rooms.items()
-        for where, share in zip(constraints.labels[name], (room <= 0).mean(0).tolist())
-    }
-    (name, where), share = max(violated.items(), key=lambda item: item[1])
+    # At which positions, (N,). Several parts of a link may share a name.
+    violated: dict[Violation, Array] = {}
+    for name in tried[0]:
+        bad = np.concatenate([rooms[name] <= 0 for rooms in tried])
+        for where, part in zip(constraints.labels[name], bad.T):
+            violated[name, where] = part | violated.get((name, where), part)
+    (name, where), bad = max(violated.items(), key=lambda item: float(item[1].mean()))
     raise InfeasibleError(
-        f"no feasible home of {arm.name} found at zero or among {len(rooms[name]):,} other "
-        f"positions: {share:.0%} of them violate {name} of {where}; state a home that is free by "
+        f"no feasible home of {arm.name} found at zero or among {len(bad):,} other "
+        f"positions: {bad.mean():.0%} of them violate {name} of {where}; state a home that is free by "
         f"{suggestion('trajectory.home', [FILL_IN])}; what else may help: "
         f"{remedy(constraints, (name, where))}"
     )

@@ -16,7 +16,7 @@ from sidegan.validity.check import require_straight
 from sidegan.validity.home import refuse_degrees
 from tests.refusals import refused
 
-from .critical import DESK, holding, limited
+from .critical import DESK, holding, limited, only
 from .test_pairs import chain
 
 
@@ -47,6 +47,16 @@ def test_home_is_a_free_position_near_mid_range():
     middle, half = (bent.position_lower + bent.position_upper) / 2, bent.position_upper - bent.position_lower
     assert (np.abs(np.array(home) - middle) / half).max() < 0.15
     assert default_home(Constraints(bent, regions)) == home
+
+
+def test_a_link_of_several_parts_is_named_by_what_all_of_them_violate():
+    """The last part is a ball at the elbow, within the forearm: it is in the way less often."""
+    arm = bent_arm()
+    capsules, parts = arm.capsules, [0, 1, 2, 2]
+    more = replace(only(capsules, np.array(parts)), b=np.vstack([capsules.b, capsules.a[2:]]))
+    for same in (arm, replace(arm, capsules=more)):
+        with refused(InfeasibleError, "90% of them violate keep_out of forearm in region 1"):
+            default_home(Constraints(same, BETWEEN))
 
 
 @pytest.mark.parametrize("positions", [[0.0, -90.0, 90.0, 0.0, 45.0, 0.0, 0.0], [120.0] + 6 * [0.0]])
