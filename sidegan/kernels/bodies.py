@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.kernels.chain import Chain, Shapes
+from sidegan.kernels.chain import Bodies, Chain, Shapes
 from sidegan.kernels.distances import near_region, near_segment
 from sidegan.kernels.formulas import (
     Matrix,
@@ -23,17 +23,9 @@ from sidegan.kernels.formulas import (
     to_child,
     to_parent,
 )
-from sidegan.kernels.gjk import Hulls, apart
+from sidegan.kernels.gjk import apart
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import joint, matrix, placement, row, set_matrix, set_row
-
-
-class Bodies(NamedTuple):
-    """Capsules on the links of an arm, and the hulls inside them."""
-
-    chain: Chain
-    shapes: Shapes
-    hulls: Hulls
 
 
 class Pose(NamedTuple):

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.kernels.bodies import Bodies, Pose, inner_and_outer, pose_for
-from sidegan.kernels.chain import Chain, Shapes
+from sidegan.kernels.bodies import Pose, inner_and_outer, pose_for
+from sidegan.kernels.chain import Bodies, Chain, Shapes
 from sidegan.kernels.distances import Contact
 from sidegan.kernels.formulas import (
     Vector,

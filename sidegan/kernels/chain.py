@@ -1,4 +1,4 @@
-"""An arm's kinematics, capsules and keep-out regions as arrays for kernels."""
+"""An arm's kinematics, capsules, hulls and keep-out regions as arrays for kernels."""
 
 from typing import NamedTuple
 
@@ -37,3 +37,21 @@ class Shapes(NamedTuple):
     regions: Array
     kinds: Array  # kind of each region, (R,) int
     planes: Array  # unit normals and offsets [m] of boxes and convex bodies, (M, 4)
+
+
+class Hulls(NamedTuple):
+    """Bodies inside C capsules: convex hulls of corners, each enlarged by a radius."""
+
+    corners: Array  # in the frames of the capsules [m], (V, 3)
+    start: Array  # first corner of each capsule, and V at the end, (C + 1,) int
+    radius: Array  # by which the hulls are enlarged [m], (C,)
+    around: Array  # largest distance of the corners from the capsule's axis [m], (C,)
+    finer: Array  # whether a pair of hulls may be farther apart than its capsules, (P,) bool
+
+
+class Bodies(NamedTuple):
+    """Capsules on the links of an arm, and the hulls inside them."""
+
+    chain: Chain
+    shapes: Shapes
+    hulls: Hulls

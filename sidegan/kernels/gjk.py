@@ -6,11 +6,11 @@ Sources: Gilbert, Johnson, Keerthi 1988; Ericson 2005, sections 5.1 and 9.5.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.kernels.chain import Hulls
 from sidegan.kernels.formulas import Matrix, Vector, add, cross, dot, less, scale, to_child, to_parent
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import row, set_row
@@ -19,23 +19,6 @@ _ROUNDS = 60  # of the search; five to ten are usual
 _CLOSE = 1e-8  # [m] gap between upper and lower bound at convergence
 _TOUCHING = 1e-10  # [m] hulls closer than this count as touching
 _INSIDE = 5  # returned when a tetrahedron contains the origin
-
-
-class Hulls(NamedTuple):
-    """Bodies inside C capsules: convex hulls of corners, each enlarged by a radius."""
-
-    corners: Array  # in the frames of the capsules [m], (V, 3)
-    start: Array  # first corner of each capsule, and V at the end, (C + 1,) int
-    radius: Array  # by which the hulls are enlarged [m], (C,)
-    around: Array  # largest distance of the corners from the capsule's axis [m], (C,)
-    finer: Array  # whether a pair of hulls may be farther apart than its capsules, (P,) bool
-
-    @classmethod
-    def none(cls, capsules: int, pairs: int) -> "Hulls":
-        """No hulls: the capsules are all there is."""
-        zeros = np.zeros(capsules)
-        starts, finer = np.zeros(capsules + 1, dtype=np.int64), np.zeros(pairs, dtype=bool)
-        return cls(np.zeros((0, 3)), starts, zeros, zeros, finer)
 
 
 @kernel

@@ -3,19 +3,15 @@
 import math
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.kernels.chain import Chain, Shapes
+from sidegan.kernels.chain import Bodies, Chain, Hulls, Shapes
 from sidegan.motion.arrays import array, chain_of, kernel_shapes
 from sidegan.robot import Arm
 from sidegan.robot.fitting import from_segment
 from sidegan.validity.regions import tables
-
-if TYPE_CHECKING:
-    from sidegan.kernels.bodies import Bodies
 
 _BUDGET = (100_000, 20_000, 2_000)  # boxes for a pair with one, two, and more joints between them
 _DEPTH = 512  # most boxes in the queue
@@ -119,14 +115,12 @@ def _from_axis(arm: Arm, joint: int, points: Array) -> Array:
     return np.linalg.norm(np.linalg.cross(arm.axis[joint], points), axis=-1)
 
 
-def bodies_of(arm: Arm, shapes: Shapes) -> "Bodies":
+def bodies_of(arm: Arm, shapes: Shapes) -> Bodies:
     """An arm's capsules, pairs and regions with the pieces inside the capsules, for compiled kernels."""
-    from sidegan.kernels.bodies import Bodies
-    from sidegan.kernels.gjk import Hulls
-
     capsules, pieces = arm.capsules, arm.capsules.pieces
     if pieces is None:
-        hulls = Hulls.none(len(capsules.radius), len(shapes.pairs))
+        none, starts = np.zeros_like(capsules.radius), np.zeros(len(capsules.radius) + 1, int)
+        hulls = Hulls(np.zeros((0, 3)), starts, none, none, np.zeros(len(shapes.pairs), bool))
     else:
         each = zip(capsules.a, capsules.b, np.split(pieces.corners, pieces.start[1:-1]))
         around = np.array([from_segment(np.stack([a, b]), corners).max() for a, b, corners in each])
@@ -135,7 +129,7 @@ def bodies_of(arm: Arm, shapes: Shapes) -> "Bodies":
     return Bodies(chain_of(arm), shapes, hulls)
 
 
-def piece_distances(bodies: "Bodies", q: Array, asked: Array, need: float = math.inf) -> Array:
+def piece_distances(bodies: Bodies, q: Array, asked: Array, need: float = math.inf) -> Array:
     """Lower bounds of distances [m], (M,), accurate to 1e-8 m; minus infinity where pieces touch.
 
     Like those of capsules, they are larger by what a pair may be closer; above ``need`` [m] they need not be

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
 from sidegan.errors import InfeasibleError, ShapeError
-from sidegan.kernels.chain import Shapes
+from sidegan.kernels.chain import Bodies, Shapes
 from sidegan.motion.arrays import kernel_shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import DERIVATIVE_ORDER, Arm
@@ -25,9 +24,6 @@ from sidegan.validity.pairs import (
     usual_gaps,
 )
 from sidegan.validity.regions import Obstacle, Plane, tables
-
-if TYPE_CHECKING:
-    from sidegan.kernels.bodies import Bodies
 
 # In the order of the kernels.
 CONSTRAINTS = ("position", "velocity", "torque", "collision", "keep_out", *DERIVATIVE_ORDER)
@@ -164,7 +160,7 @@ class Constraints:
         return dict(zip(DISTANCES, (collision, keep_out)))
 
     @cached_property
-    def bodies(self) -> "Bodies":
+    def bodies(self) -> Bodies:
         """Capsules, the pieces inside them and regions for compiled kernels."""
         return bodies_of(self._thick, self._shapes_of(self.pairs, self.guarded))
 
@@ -271,11 +267,8 @@ class Constraints:
         if not len(both):
             return both
         shapes = self._shapes_of(both[:0], both)
-        farthest = (
-            capsule_clearances(self.body.chain, shapes, random_configurations(self.arm))[1]
-            .max(0)
-            .reshape(-1, len(moving))
-        )
+        _, distances = capsule_clearances(self.body.chain, shapes, random_configurations(self.arm))
+        farthest = distances.max(0).reshape(-1, len(moving))
         leaves = farthest + self.clearance > 0
         stuck = np.flatnonzero(~leaves.any(1))
         if len(stuck):
