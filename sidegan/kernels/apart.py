@@ -28,7 +28,6 @@ from sidegan.kernels.links import TOUCHING, ChainJoint, joint, placement, row
 PLACE, AXIS, _FRAME = 9, 12, 15  # rows of a frame: rotation, origin, the joint's axis in the world
 A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: end points and midpoint of its axis
 
-
 Span = tuple[int, int]  # consecutive samples: the first one, and their number
 
 
@@ -90,10 +89,10 @@ def _push(chain: Chain, work: DistanceBuffers, at: Block, point: Vector, force: 
 
 @kernel
 def _pairs(
-    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: DistanceBuffers
+    chain: Chain, shapes: Shapes, span: Span, reach: float, weight: float, push: Array, work: DistanceBuffers
 ) -> tuple[float, float]:
     """Penalty and smallest distance of capsule pairs in a block of samples; see ``keep_apart``."""
-    (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
+    (start, count), total, gap = span, 0.0, work.gap
     least = reach
     for p in range(len(shapes.pairs)):
         i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
@@ -119,10 +118,10 @@ def _pairs(
 
 @kernel
 def _regions(
-    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: DistanceBuffers
+    chain: Chain, shapes: Shapes, span: Span, reach: float, weight: float, push: Array, work: DistanceBuffers
 ) -> tuple[float, float]:
     """Penalty and smallest distance of capsules from keep-out regions; see ``keep_apart``."""
-    (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
+    (start, count), total, gap = span, 0.0, work.gap
     least = reach
     for g in range(len(shapes.guarded)):
         r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
@@ -146,17 +145,18 @@ def keep_apart(
     chain: Chain,
     shapes: Shapes,
     states: Array,
-    asked: tuple[float, float],
+    reach: float,
+    weight: float,
     push: Array,
     work: DistanceBuffers,
 ) -> tuple[float, float, float]:
     """Penalty over all samples, and the smallest distances [m] of pairs and of regions, at most ``reach``.
 
-    ``asked`` holds ``reach`` and the weight of the squared shortfall of distances below it. The gradient in
-    the positions is added to push, (J, S). With weight zero, only the smallest distances are computed. States
-    are (4, J, S), without accelerations.
+    The penalty is ``weight`` times the squared shortfall of distances below ``reach``. Its gradient in the
+    positions is added to push, (J, S). With weight zero, only the smallest distances are computed. States are
+    (4, J, S), without accelerations.
     """
-    samples, total, (reach, weight) = states.shape[2], 0.0, asked
+    samples, total = states.shape[2], 0.0
     near, clear = reach, reach
     if len(shapes.pairs) + len(shapes.guarded) == 0:
         return total, near, clear
@@ -168,8 +168,8 @@ def keep_apart(
             _place(joint(chain, i), states, (i, start, count), work.world[i], work.world[i + 1])
         for k in range(len(shapes.frame)):
             _place_capsule(shapes, k, work.world[shapes.frame[k]], work.ends[k], count)
-        cost, least = _pairs(chain, shapes, span, (reach if weight > 0 else near, weight), push, work)
+        cost, least = _pairs(chain, shapes, span, reach if weight > 0 else near, weight, push, work)
         total, near = total + cost, min(near, least)
-        cost, least = _regions(chain, shapes, span, (reach if weight > 0 else clear, weight), push, work)
+        cost, least = _regions(chain, shapes, span, reach if weight > 0 else clear, weight, push, work)
         total, clear = total + cost, min(clear, least)
     return total, near, clear

@@ -79,7 +79,7 @@ class Work(NamedTuple):
     at: Pose  # pose of the arm
     wrench: Array  # force and moment on each link, and their rates, (4, J, 3)
     torque: Array  # torques and their rates, (2, J)
-    sums: Array  # bounds on each link's force, then moment, with their first two derivatives, (6, J)
+    sums: Array  # bounds on each link's force and moment, with their first two derivatives, (2, J, 3)
     bent: Array  # bounds on the torques' first and second derivatives in a cell, (2, J)
     twist: Array  # angular velocity of each frame, and its velocity at the world origin, (2, J + 1, 3)
     axes: Array  # last direction between each pair's hulls, in the first one's frame, or zero, (P, 3)
@@ -94,7 +94,7 @@ def work_space(model: Model) -> Work:
         at=pose_for(shapes, j),
         wrench=np.zeros((4, j, 3)),
         torque=np.zeros((2, j)),
-        sums=np.zeros((6, j)),
+        sums=np.zeros((2, j, 3)),
         bent=np.zeros((2, j)),
         twist=np.zeros((2, j + 1, 3)),
         axes=np.zeros((len(shapes.pairs), 3)),
@@ -158,7 +158,7 @@ def torque_rates(model: Model, work: Work) -> None:
         j, r = joint(chain, i), matrix(at.own, i)
         shifts = row(at.shift, i), scale(work.state[1, i], j.slide)
         rates = work.state[1, i], work.state[2, i], work.state[3, i]
-        moving = link_motion_rate((j.axis, j.slides), r, shifts, rates, moving)
+        moving = link_motion_rate(j.axis, j.slides, r, shifts, rates, moving)
         rate = wrench_rate(ten(model.parameters, 10 * i), moving)
         set_row(work.wrench[2], i, rate[0])
         set_row(work.wrench[3], i, rate[1])
@@ -186,13 +186,12 @@ def bend_torques(model: Model, motion: Array, motions: Motions, n: int, sums: Ar
         own = motion[2, i], motion[3, i], motions.jerk[n, i], motions.drifts[0, n, i]
         link = link_bounds(slides[i], own, travel[i], link)
         force, moment = wrench_bounds(model.mass[i], model.first[i], model.spin[i], link)
-        sums[0, i], sums[1, i], sums[2, i] = force
-        sums[3, i], sums[4, i], sums[5, i] = moment
+        set_row(sums[0], i, force)
+        set_row(sums[1], i, moment)
     f = m = still
     for i in range(len(travel) - 1, -1, -1):
         own = motion[2, i], motion[3, i], motions.jerk[n, i], motions.drifts[0, n, i]
-        f = add(f, (sums[0, i], sums[1, i], sums[2, i]))
-        m = add(m, (sums[3, i], sums[4, i], sums[5, i]))
+        f, m = add(f, row(sums[0], i)), add(m, row(sums[1], i))
         viscous, rotor = model.viscous[i], model.rotor[i]
         bent[0, i] = (f[1] if slides[i] else m[1]) + viscous * own[1] + rotor * own[2]
         bent[1, i] = (f[2] if slides[i] else m[2]) + viscous * own[2] + rotor * own[3]

@@ -16,7 +16,6 @@ from sidegan.kernels.objective import Plan, PlanBuffers, objective_of
 # Indices into a search's numbers.
 GOAL, COST, LENGTH, USED, HEAD, STARTED, NUMBERS = range(7)
 
-
 STEP = 0.3  # length of a steepest-descent step before backtracking, in the norm of x
 _ARMIJO = 1e-4  # required share of the expected decrease
 _SHRINK = 0.3  # factor on the length of a rejected step

@@ -113,7 +113,7 @@ def _near_body(planes: Array, first: int, last: int, a: Vector, b: Vector) -> Co
         if rises <= 0:
             bound, share, part = high, 1.0, 1.0
             break
-        share = min(max((low - (high - rises)) / (rises - falls), 0.0), 1.0)
+        share = _share((low - (high - rises)) / (rises - falls))
         bound, part = low + falls * share, -falls / (rises - falls)
         x = add(a, scale(share, less(b, a)))
         top = _highest(planes, first, last, x)

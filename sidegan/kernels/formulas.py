@@ -106,21 +106,16 @@ def wrench_in_parent(r: Matrix, shift: Vector, wrench: Wrench) -> Wrench:
 
 
 def link_motion_rate(
-    j: tuple[Vector, Scalar], turn: Matrix, shifts: tuple[Vector, Vector], rates: Vector, parent: Moving
+    axis: Vector, slides: float, r: Matrix, shifts: tuple[Vector, Vector], rates: Vector, parent: Moving
 ) -> Moving:
-    """``link_motion`` and its rate, from the parent's.
+    """``link_motion`` and its rate, from the parent's motion and its rate.
 
-    Args:
-        j: the joint's axis, and 1 if it is prismatic, else 0.
-        turn: rotation of the frame in its parent's.
-        shifts: origin of the frame in its parent's, and its rate.
-        rates: the joint's velocity, acceleration and jerk.
-        parent: motion of the parent's frame, and its rate.
+    ``shifts`` holds the shift and its rate; ``rates`` the joint's velocity, acceleration and jerk.
     """
-    (axis, slides), (s, ds), (v, acc, jerk) = j, shifts, rates
+    (s, ds), (v, acc, jerk) = shifts, rates
     (w, al, a), (dw, dal, da) = parent
     # The motion, and its parts again in the parent's frame, since their rates are needed.
-    motion = link_motion(axis, slides, turn, s, (v, acc), parent[0])
+    motion = link_motion(axis, slides, r, s, (v, acc), parent[0])
     sweep = cross(w, s)
     dsweep = add(cross(dw, s), cross(w, ds))
     a = add(a, add(cross(al, s), cross(w, sweep)))
@@ -128,9 +123,9 @@ def link_motion_rate(
     turns = 1.0 - slides
     velocity, acceleration, jolt = scale(v, axis), scale(acc, axis), scale(jerk, axis)
     spin = scale(turns, velocity)
-    w, al, a = to_child(turn, w), to_child(turn, al), to_child(turn, a)
-    dw, dal = less(to_child(turn, dw), cross(spin, w)), less(to_child(turn, dal), cross(spin, al))
-    da = less(to_child(turn, da), cross(spin, a))
+    w, al, a = to_child(r, w), to_child(r, al), to_child(r, a)
+    dw, dal = less(to_child(r, dw), cross(spin, w)), less(to_child(r, dal), cross(spin, al))
+    da = less(to_child(r, da), cross(spin, a))
     coriolis = add(cross(dw, velocity), cross(w, acceleration))
     da = add(da, scale(slides, add(jolt, scale(2.0, coriolis))))
     dal = add(dal, scale(turns, add(jolt, coriolis)))
@@ -149,13 +144,13 @@ def wrench_rate(link: Ten, at: Moving) -> Wrench:
 
 
 def wrench_rate_in_parent(
-    spin: Vector, turn: Matrix, shifts: tuple[Vector, Vector], wrench: Wrench, rate: Wrench
+    spin: Vector, r: Matrix, shifts: tuple[Vector, Vector], wrench: Wrench, rate: Wrench
 ) -> Wrench:
     """Rate of ``wrench_in_parent``, from a wrench and its rate in a frame that turns at ``spin`` [rad/s]."""
     (f, n), (df, dn), (s, ds) = wrench, rate, shifts
-    df = to_parent(turn, add(df, cross(spin, f)))
-    dn = to_parent(turn, add(dn, cross(spin, n)))
-    return df, add(dn, add(cross(ds, to_parent(turn, f)), cross(s, df)))
+    df = to_parent(r, add(df, cross(spin, f)))
+    dn = to_parent(r, add(dn, cross(spin, n)))
+    return df, add(dn, add(cross(ds, to_parent(r, f)), cross(s, df)))
 
 
 def regressor_entries(motion: LinkMotion, angular: Vector, linear: Vector) -> Ten:

@@ -48,7 +48,8 @@ class GoalBuffers(NamedTuple):
     values: Array  # eigenvalues in the smooth ratio, ascending, (K,)
     slopes: Array  # derivatives of the ratio by them, (K,)
     vectors: Array  # their eigenvectors, (K, p)
-    rows: Array  # for ``eigen``; the second one also holds a vector in passing
+    vector: Array  # one direction in the orthonormal basis, (p,)
+    rows: Array  # for ``eigen``
     shifts: Array  # for ``eigen``
     halves: Array  # L⁻¹ of the targets, with L Lᵀ = M, (R, p)
     small: Array  # the targets' covariance or information, then its factor, (R, R)
@@ -68,6 +69,7 @@ def goal_buffers(goal: GoalArrays) -> GoalBuffers:
         values=np.zeros(count),
         slopes=np.zeros(count),
         vectors=np.zeros((count, size)),
+        vector=np.zeros(size),
         rows=rows,
         shifts=shifts,
         halves=np.zeros((targets, size)),
@@ -235,8 +237,8 @@ def _covariance(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[f
         _eliminate(work.small, halves, size)
     for m in range(count):
         work.weights[m] = -goal.amount / (trace if goal.kind == VARIANCE else 1.0)
-        _transpose_times(inverse, halves[m], work.rows[1])
-        _times(subspace, work.rows[1], work.base[m])
+        _transpose_times(inverse, halves[m], work.vector)
+        _times(subspace, work.vector, work.base[m])
     return math.log(trace) if goal.kind == VARIANCE else _log_det(work.small), count
 
 
@@ -267,8 +269,8 @@ def _tool(goal: GoalArrays, subspace: Array, work: GoalBuffers) -> tuple[float, 
     for m in range(2 * count):
         work.weights[m] = -goal.amount * (1.0 if m < count else goal.runs - 1.0)
         for i in range(size):
-            work.rows[1][i] = work.base[m, i]
-        _times(subspace, work.rows[1], work.base[m])
+            work.vector[i] = work.base[m, i]
+        _times(subspace, work.vector, work.base[m])
     return -_log_det(work.small), 2 * count if goal.runs > 1 else count
 
 

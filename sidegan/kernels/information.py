@@ -158,17 +158,18 @@ def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
 
 @kernel
 def weighted_grams(
-    chain: Chain, states: Array, columns: Columns, terms: TermSignals, grams: Array, work: Lanes, y: Array
+    chain: Chain, states: Array, columns: Columns, extra: TermSignals, grams: Array, work: Lanes, y: Array
 ) -> None:
     """Write the Gram matrices YᵀWY / T, (B, P, P), of B trajectories' states (5, B, J, T).
 
     Base columns come first, then the terms; the signals keep those of the last trajectory. W holds the joint
     weights, and y, (P, J · SPAN), is scratch for the regressor.
     """
-    count, size, first, roots = states.shape[3], len(columns.kinds), columns.first, terms[0].roots
+    (terms, signals), count = extra, states.shape[3]
+    size, first, roots = len(columns.kinds), columns.first, terms.roots
     for b in range(len(grams)):
         gram = grams[b]
-        write_signals(terms[0], states, b, terms[1])
+        write_signals(terms, states, b, signals)
         for p in range(len(gram)):
             clear(gram[p])
         for start in range(0, count, SPAN):
@@ -179,7 +180,7 @@ def weighted_grams(
                 for p in range(first[i], first[i + 1], 4):
                     for q in range(p, size, 4):
                         tile(y, (p, first[i + 1]), (q, size), 0, (i + 1) * span, gram)
-            add_terms(terms[0], columns, terms[1], block, span, y, gram)
+            add_terms(terms, columns, signals, block, span, y, gram)
         mirror(gram, 1 / count)
 
 
@@ -188,7 +189,7 @@ def weighted_slopes(
     chain: Chain,
     limits: PenaltyLimits,
     states: Array,
-    terms: TermSignals,
+    extra: TermSignals,
     directions: tuple[Array, Array],
     slope: Array,
     work: Lanes,
@@ -198,9 +199,10 @@ def weighted_slopes(
     The energy is Σ weight · w τ², summed over parameter sets (K, 10 J) with their terms, joints and time, for
     the sets' weights (K,) and the joints' weights w. The signals must be those of the states.
     """
-    (sets, weights), count, cost, roots = directions, states.shape[3], 0.0, terms[0].roots
-    for e in range(len(terms[1].pushes)):
-        clear(terms[1].pushes[e])
+    (terms, signals), (sets, weights) = extra, directions
+    count, cost, roots = states.shape[3], 0.0, terms.roots
+    for e in range(len(signals.pushes)):
+        clear(signals.pushes[e])
     step = step_of(count)
     for start in range(0, count, step):
         block = 0, start, min(step, count - start)
@@ -209,17 +211,17 @@ def weighted_slopes(
             if weights[k] == 0:
                 continue
             forces(chain, sets[k], work, step)
-            add_torques(terms[0], terms[1], k, block, work.torque)
+            add_torques(terms, signals, k, block, work.torque)
             for j in range(len(roots)):
                 torque, factor = work.torque[j], 2.0 * weights[k] * roots[j] * roots[j]
                 for n in range(min(step, LANES)):
                     torque[n] *= factor
             push(chain, sets[k], work, step)
-            push_terms(terms[0], terms[1], k, block, work.torque)
+            push_terms(terms, signals, k, block, work.torque)
         if limits.torque_weight > 0:
             forces(chain, limits.parameters, work, step)
             cost += keep(limits, work, block[2])
             push(chain, limits.parameters, work, step)
         pull(chain, work, slope, block, step)
-    pull_terms(terms[0], terms[1], slope)
+    pull_terms(terms, signals, slope)
     return cost

@@ -207,8 +207,8 @@ def _penalised(plan: Plan, count: int, gradient: Array, work: PlanBuffers) -> fl
             work.signals.shares[k, e] = work.goal.base[k, len(columns.kinds) + e]
     cost = slopes(plan, count, work) + _bound(plan, work) + _keep_in_box(plan, work)
     if plan.close > 0:
-        asked = plan.reach, plan.close
-        cost += keep_apart(plan.chain, plan.shapes, work.fine, asked, work.push[0], work.near)[0]
+        reach, weight, push = plan.reach, plan.close, work.push[0]
+        cost += keep_apart(plan.chain, plan.shapes, work.fine, reach, weight, push, work.near)[0]
     _pull_back(plan, gradient, work)
     return cost
 
@@ -322,8 +322,7 @@ def evaluate(plan: Plan, weakest: int, c: Array, numbers: Array, work: PlanBuffe
                 work.c[j, k] = c[b, j, k]
         roll_out(plan, work)
         _limits(plan, numbers[b], work)
-        asked = np.inf, 0.0
-        found = keep_apart(plan.chain, plan.shapes, work.fine, asked, work.push[0], work.near)
+        found = keep_apart(plan.chain, plan.shapes, work.fine, np.inf, 0.0, work.push[0], work.near)
         numbers[b, COLLISION], numbers[b, KEEP_OUT] = -found[1], -found[2]
         ratio = _ratio(plan, weakest, work)
         numbers[b, FITNESS] = math.log(ratio if ratio < HOPELESS else HOPELESS)

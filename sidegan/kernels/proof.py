@@ -156,17 +156,16 @@ def _outward(shapes: Shapes, p: int, x: Vector) -> Vector:
 
 @kernel
 def _look_closer(
-    model: Model, work: Work, p: int, known: tuple[float, float, float], half: float
+    model: Model, work: Work, p: int, margin: float, best: float, evenly: float, half: float
 ) -> tuple[float, float]:
     """Margin of a pair and its largest decrease in the cell, for the capsules or the hulls inside them.
 
-    ``known`` holds the capsules' margin, the smallest margin so far (``best``), and the links' displacement
-    at constant velocity, or minus infinity if the cell need not be proven. The first bound is displacement in
+    ``margin`` is the capsules', ``best`` the smallest so far, and ``evenly`` the links' displacement at
+    constant velocity, or minus infinity if the cell need not be proven. The first bound is displacement in
     any direction; the second, motion along the line between the bodies. The distance of the hulls is refined
     only until it reaches ``best`` and their largest displacement.
     """
-    (margin, best, evenly), motion, at = known, work.motion, work.at
-    bodies, shapes = model.bodies, model.bodies.shapes
+    motion, at, bodies, shapes = work.motion, work.at, model.bodies, model.bodies.shapes
     slack = _reached(model.pair_reach, p, motion)
     if margin >= slack:
         return margin, slack
@@ -227,8 +226,7 @@ def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bo
             continue
         margin, _, _ = near_pair(shapes, ends, p)
         if not margin >= need:
-            known = margin, least[COLLISION], evenly
-            margin, slack = _look_closer(model, work, p, known, here.half)
+            margin, slack = _look_closer(model, work, p, margin, least[COLLISION], evenly, here.half)
             undecided |= _settle(margin, slack, here, (COLLISION, p), smallest)
     return undecided
 

@@ -58,7 +58,7 @@ def bounds(arm: Arm, *rates: Array) -> np.ndarray:
     speed, acceleration, jerk, snap = (np.abs(x) for x in rates)
     drifts, nothing = np.stack([snap, snap]), (np.zeros((1, 1, 1)), np.zeros((1, 5, 1)), np.zeros(1))
     motions = cells.Motions(nothing[0], jerk, drifts, nothing[1], nothing[2], 0.1)
-    found, sums = np.zeros((2, *speed.shape)), np.zeros((6, arm.joints))
+    found, sums = np.zeros((2, *speed.shape)), np.zeros((2, arm.joints, 3))
     for n, (v, a) in enumerate(zip(speed, acceleration)):
         motion, bent = np.stack([0 * v, 0 * v, v, a]), np.zeros((2, arm.joints))
         cells.bend_torques(model, motion, motions, n, sums, bent)
