@@ -39,6 +39,7 @@ class BaseParameters:
     names: tuple[str, ...]  # the leading parameter of each combination, such as ``"Ixx2"``
 
     @classmethod
+    @lru_cache(_ARMS)
     @on_threads(1)
     def of(cls, arm: Arm) -> "BaseParameters":
         """Base parameters from the regressor of 60 random states per joint, at most 720.
@@ -92,7 +93,7 @@ class RigidBody:
     @cached_property
     def base(self) -> BaseParameters:
         """Base parameters of the arm, computed once for each arm."""
-        return _base_of(self.arm)
+        return BaseParameters.of(self.arm)
 
     @cached_property
     def chain(self) -> Chain:
@@ -164,11 +165,6 @@ def gram(
         states = body.checked(*trajectory.roll_out(part, times)[1:])
         grams.append(operations.gram_matrices(body.chain, body.base.columns, states, certainty))
     return np.concatenate(grams)
-
-
-@lru_cache(_ARMS)
-def _base_of(arm: Arm) -> BaseParameters:
-    return BaseParameters.of(arm)
 
 
 def _first_independent(y: Array) -> Array:

@@ -5,6 +5,7 @@ a basis that depends only on the time grid. The quintic that brings a joint to r
 closed form on time scaled to [0, 1]; rest is exact for any period.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -201,8 +202,5 @@ def _quintic_scales(w: Array, period: float, order: int) -> Array:
 
 def _power_derivatives(s: Array, order: int) -> Array:
     """Derivative ``order`` of the powers 1, s, …, s⁵, (T, 6)."""
-    columns = []
-    for power in range(len(_QUINTICS)):
-        factor = np.prod(np.arange(power - order + 1, power + 1)) if power >= order else 0.0
-        columns.append(factor * s ** max(power - order, 0))
-    return np.stack(columns, -1)
+    powers = range(len(_QUINTICS))
+    return np.stack([math.perm(power, order) * s ** max(power - order, 0) for power in powers], -1)

@@ -83,7 +83,8 @@ def test_base_parameters_explain_the_full_regressor(chain, arm):
 def test_base_parameters_do_not_depend_on_the_threads_of_the_process(arm):
     base = BaseParameters.of(arm)
     with on_threads(2):
-        other = BaseParameters.of(arm)
+        other = BaseParameters.of(replace(arm))
+    assert other is not base
     for name in ("columns", "mapping", "values", "subspace"):
         assert np.array_equal(getattr(base, name), getattr(other, name)), name  # the same computation
 
