@@ -15,10 +15,6 @@ ANY = st.builds(Trajectory, st.just(2), st.integers(1, 210), st.floats(1.0, 560.
 FAMILIES = [(1.0, 1), (1.0, 210), (4.0, 3), (16.0, 6), (37.3, 11), (560.0, 6), (560.0, 210)]
 
 
-def coefficients(trajectory, batch=3, seed=0):
-    return normal(batch, *trajectory.shape, seed=seed)
-
-
 def park(trajectory, c, t):
     """Joint position from the formula as printed, the quintic solved for in extended precision."""
     period = np.longdouble(trajectory.period)
@@ -41,7 +37,7 @@ def park(trajectory, c, t):
 @pytest.mark.parametrize(("period", "harmonics"), FAMILIES)
 def test_position_is_that_of_parks_formula(period, harmonics):
     trajectory = Trajectory(2, harmonics, period, home=(0.3, -1.0))
-    c = coefficients(trajectory)
+    c = normal(3, *trajectory.shape)
     times = trajectory.times(200 / period)
     position = trajectory.roll_out(c, times).position
     np.testing.assert_allclose(position, park(trajectory, c, times), atol=1e-11 * max(1.0, period))
@@ -50,7 +46,7 @@ def test_position_is_that_of_parks_formula(period, harmonics):
 @settings(max_examples=60)
 @given(ANY, st.integers(0, 1000))
 def test_trajectories_rest_at_home_at_both_ends(trajectory, seed):
-    c, ends = coefficients(trajectory, seed=seed), [0, -1]
+    c, ends = normal(3, *trajectory.shape, seed=seed), [0, -1]
     motion = trajectory.roll_out(c, trajectory.times(50 / trajectory.period))
     np.testing.assert_allclose(motion.position[:, ends] - trajectory.home, 0, atol=1e-12)
     assert np.abs(motion.velocity[:, ends]).max() <= 1e-12
@@ -61,7 +57,7 @@ def test_trajectories_rest_at_home_at_both_ends(trajectory, seed):
 @pytest.mark.parametrize("order", [0, 1, 2, 3])
 def test_each_derivative_is_the_slope_of_the_one_before(period, harmonics, order):
     trajectory = Trajectory(2, harmonics, period)
-    c = coefficients(trajectory)
+    c = normal(3, *trajectory.shape)
     step = 1e-4 * period / harmonics
     times = np.linspace(step, period - step, 101)
     before, after = (trajectory.derivative(c, times + h, order) for h in (-step, step))
@@ -71,7 +67,7 @@ def test_each_derivative_is_the_slope_of_the_one_before(period, harmonics, order
 
 def test_concatenation_is_one_smooth_motion():
     trajectory = Trajectory(2, 4, 6.0, home=(0.5, -0.5))
-    motion = trajectory.roll_out(coefficients(trajectory, batch=5), trajectory.times(100))
+    motion = trajectory.roll_out(normal(5, *trajectory.shape), trajectory.times(100))
     long = concatenate(motion)
     assert long.position.shape == (1, 5 * 600 + 1, 2)
     np.testing.assert_allclose(long.time, np.arange(3001) / 100, atol=1e-7)
@@ -89,7 +85,7 @@ def test_concatenation_is_one_smooth_motion():
 @given(st.floats(1.0, 560.0), st.integers(1, 40), st.integers(2, 400), st.integers(0, 1000))
 def test_jerk_and_snap_never_exceed_their_bounds(period, harmonics, cells, seed):
     trajectory = Trajectory(2, harmonics, period)
-    c = coefficients(trajectory, seed=seed)
+    c = normal(3, *trajectory.shape, seed=seed)
     times = np.linspace(0, period, 4001)
     jerk, basis = trajectory.derivative(c, times, 3), trajectory.basis(times, 4)
     allowed = 1 + 1e-9  # rounding
@@ -114,7 +110,7 @@ def test_times_fill_the_period_and_grids_are_cell_centres():
 def test_motion_does_not_depend_on_how_many_times_are_asked_for():
     """A basis of a million numbers or more is made in parts."""
     trajectory = Trajectory(2, 210, 560.0, home=(0.1, 0.2))
-    c, times = coefficients(trajectory, 1), trajectory.grid(6000)
+    c, times = normal(1, *trajectory.shape), trajectory.grid(6000)
     for whole, part in zip(trajectory.roll_out(c, times)[1:], trajectory.roll_out(c, times[4000:])[1:]):
         rounding = 1e-13 * np.abs(whole).max()
         np.testing.assert_allclose(whole[:, 4000:], part, atol=rounding, rtol=0)

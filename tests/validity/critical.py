@@ -1,4 +1,4 @@
-"""Builders that validity tests share: segments, arms with hulls, trajectories near their limits."""
+"""Builders that validity tests share: regions, arms with hulls, trajectories near their limits."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,15 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from sidegan.base.arrays import Array, split
-from sidegan.kernels.chain import Chain, Shapes
-from sidegan.motion.arrays import chain_of, kernel_shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm, Capsules, load_robot
+from sidegan.robot import Arm, Capsules
 from sidegan.robot.arm import Pieces
-from sidegan.validity import Box, Constraints, Convex, Obstacle, Plane, Sphere
-from sidegan.validity.capsules import place_points
-from sidegan.validity.regions import tables
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 
 HIGHEST = {"acceleration": 8.0, "jerk": 60.0}  # [rad/s², rad/s³]
 DESK, BOX = Plane((0.0, 0.0, 1.0), 0.1), Box((-0.7, -0.7, -0.2), (0.7, 0.6, 0.12))
@@ -26,30 +22,6 @@ BENT = (0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0)  # a home of seven joints
 def drawn(trajectory: Trajectory, batch: int, seed: int = 0) -> Array:
     generator = np.random.default_rng(seed)
     return generator.standard_normal((batch, *trajectory.shape))
-
-
-def random_segments(count: int, seed: int = 0, sets: int = 1) -> tuple[Array, ...]:
-    """Both ends of segments [m], (3, count) each, of one set after another."""
-    generator = np.random.default_rng(seed)
-    return tuple(0.6 * generator.standard_normal((2 * sets, 3, count)))
-
-
-def segments_as_capsules(
-    a: Sequence[Array], b: Sequence[Array], pairs: Array, guarded: Array, regions: Sequence[Obstacle] = ()
-) -> tuple[Chain, Shapes]:
-    """Sets of segments with end points (3, N) as capsules on the base of the planar arm, of radius zero."""
-    ends = [np.concatenate([*x], 1).T for x in (a, b)]
-    none = np.zeros(len(ends[0]))
-    capsules = Capsules(none.astype(int) - 1, *ends, none, ("",) * len(none))
-    return chain_of(load_robot("planar2")), kernel_shapes(capsules, pairs, guarded, tables(regions))
-
-
-def capsule_axes(arm: Arm, q: Array) -> tuple[Array, Array]:
-    """World end points [m] of each capsule's axis, two of (3, C, N), at joint positions (J, N)."""
-    capsules = arm.capsules
-    placed = place_points(arm, q, np.concatenate([capsules.a, capsules.b]), np.tile(capsules.link, 2))
-    count = len(capsules.radius)
-    return placed[:, :count], placed[:, count:]
 
 
 def moderate(arm: Arm, trajectory: Trajectory, batch: int, seed: int) -> Array:

@@ -12,22 +12,33 @@ from scipy.spatial import ConvexHull
 
 from sidegan.base.arrays import Array
 from sidegan.kernels import gjk as kernel
+from sidegan.motion.arrays import chain_of, kernel_shapes
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm
-from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
+from sidegan.robot import Arm, Capsules, load_robot
+from sidegan.validity import Box, Constraints, Convex, Obstacle, Plane, Sphere, check
 from sidegan.validity.capsules import capsule_clearances
+from sidegan.validity.regions import tables
 from tests.chains import lenient, random_states
+from tests.motion.conftest import normal
 from tests.oracle import capsule_geometry, chain_model
 
-from .critical import BLOCK, filled, moderate, random_segments, segments_as_capsules
+from .critical import BLOCK, filled, moderate
+
+
+def clearances(a: Array, b: Array, pairs: Array, guarded: Array, *regions: Obstacle) -> list[Array]:
+    """Distances [m] of segments with end points (3, N): of pairs, (P,), and from regions, (K,)."""
+    none = np.zeros(a.shape[1])
+    capsules = Capsules(none.astype(int) - 1, a.T, b.T, none, ("",) * len(none))  # on the base
+    shapes = kernel_shapes(capsules, pairs, guarded, tables(regions))
+    found = capsule_clearances(chain_of(load_robot("planar2")), shapes, np.zeros((1, 2)))
+    return [distance[0] for distance in found]
 
 
 def segment_distance(a1: Array, b1: Array, a2: Array, b2: Array) -> Array:
     """Distance [m], (N,), of segments with end points (3, N)."""
     first = np.arange(a1.shape[1])
     pairs = np.stack([first, first + len(first)], 1)
-    chain, shapes = segments_as_capsules([a1, a2], [b1, b2], pairs, pairs[:0])
-    return capsule_clearances(chain, shapes, np.zeros((1, 2)))[0][0]
+    return clearances(np.hstack([a1, a2]), np.hstack([b1, b2]), pairs, pairs[:0])[0]
 
 
 def point_to_segment(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -54,7 +65,7 @@ def exact_distance(*ends: Array) -> np.ndarray:
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-12, 0.0])
 def test_nearly_parallel_segments(angle: float) -> None:
     """Segments 0.1 m apart, and segments that cross."""
-    a, b, shift, wobble = random_segments(20_000, 1, 2)
+    a, b, shift, wobble = 0.6 * normal(4, 3, 20_000)
     for length in (1e-3, 1.0):
         along = length * b
         start = a + 0.5 * length * wobble + 0.1 * shift / np.linalg.norm(shift, axis=0)
@@ -152,36 +163,29 @@ def test_hulls_accept_trajectories_that_capsules_refuse(arm: Arm) -> None:
     assert (inside >= with_capsules).all() and inside.sum() > with_capsules.sum()
 
 
-BALL, ROD = Sphere((0.1, -0.2, 0.3), 0.3), Convex.between((-0.2, 0.1, 0.0), (0.3, -0.2, 0.4), 0.2)
-BOX = Box((-0.3, -0.2, 0.1), (0.5, 0.4, 0.3))
-
-
 def margins(region, a, b):
     """Signed distance [m], (N,), of segments with end points (3, N) to a region."""
-    guarded = np.stack([np.zeros(a.shape[1]).astype(int), np.arange(a.shape[1])], 1)
-    chain, shapes = segments_as_capsules([a], [b], guarded[:0], guarded, [region])
-    return capsule_clearances(chain, shapes, np.zeros((1, 2)).astype(float))[1][0]
+    segments = np.arange(a.shape[1])
+    guarded = np.stack([0 * segments, segments], 1)
+    return clearances(a, b, guarded[:0], guarded, region)[1]
 
 
 def test_plane_margin_is_that_of_the_lower_end() -> None:
-    plane = Plane((0.0, 0.6, 0.8), 2.0)
-    a, b = (np.array([x]).T for x in ([1, 5, 0], [1, 0, 5]))
-    assert margins(plane, a, b).tolist() == pytest.approx([0.6 * 5 - 2])
-    a, b = random_segments(100)
-    unit = np.array(plane.unit, dtype=float)
-    along = np.stack([unit @ x - 2.0 for x in (a, (a + b) / 2, b)])
-    np.testing.assert_allclose(margins(plane, a, b), along.min(0), atol=1e-9)
+    a, b = 0.6 * normal(2, 3, 100)
+    along = np.stack([0.6 * y + 0.8 * z - 2.0 for _, y, z in (a, (a + b) / 2, b)])
+    np.testing.assert_allclose(margins(Plane((0.0, 0.6, 0.8), 2.0), a, b), along.min(0), atol=1e-9)
 
 
 def test_box_margin_is_the_least_along_the_segment() -> None:
-    a, b = random_segments(300)
+    a, b = 0.6 * normal(2, 3, 300)
     shares = np.linspace(0, 1, 201)[:, None, None]
     points = (a + shares * (b - a)).transpose(0, 2, 1)
-    lower, upper = np.array([BOX.lower, BOX.upper])
+    box = Box((-0.3, -0.2, 0.1), (0.5, 0.4, 0.3))
+    lower, upper = np.array([box.lower, box.upper])
     within = np.minimum(points - lower, upper - points).min(-1)  # face by face
     beside = np.linalg.norm(points - np.clip(points, lower, upper), axis=-1)
     brute = np.where(within > 0, -within, beside).min(0)
-    margin = margins(BOX, a, b)
+    margin = margins(box, a, b)
     assert (brute - np.linalg.norm(a - b, axis=0) / 400 <= margin).all() and (margin <= brute + 1e-8).all()
     assert (margin < 0).sum() > 30 and (margin > 0).sum() > 100
 
@@ -189,9 +193,9 @@ def test_box_margin_is_the_least_along_the_segment() -> None:
 RANDOM = np.random.default_rng(0)
 TURN = np.linalg.qr(RANDOM.normal(size=(3, 3)))[0]
 BODIES = {
-    "ball": BALL,
+    "ball": Sphere((0.1, -0.2, 0.3), 0.3),
     "box": Convex.around(BLOCK.points @ TURN.T + np.array([0.1, 0.2, -0.1])),
-    "cylinder": ROD,
+    "cylinder": Convex.between((-0.2, 0.1, 0.0), (0.3, -0.2, 0.4), 0.2),
     "wedge": Convex.around(np.array([[x, *yz] for x in (0, 1) for yz in ((0, 0), (0.05, 0), (0, 0.5))])),
     "cloud": Convex.around(0.3 * RANDOM.normal(size=(40, 3))),
 }
@@ -204,7 +208,7 @@ def test_the_margin_is_at_most_coals_distance_and_not_much_less(name):
         shape, place = coal.Sphere(body.radius), coal.Transform3s(np.eye(3), np.array(body.centre))
     else:  # without our planes
         shape = convex(body.points[ConvexHull(body.points).vertices])
-    a, b = random_segments(300)
+    a, b = 0.6 * normal(2, 3, 300)
     margin, apart = margins(body, a, b), 0
     for k in range(300):
         middle, along = (a[:, k] + b[:, k]) / 2, (b[:, k] - a[:, k])
