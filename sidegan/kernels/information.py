@@ -25,7 +25,7 @@ from sidegan.kernels.dynamics import (
     push,
     step_of,
 )
-from sidegan.kernels.dynamics import DynamicsBuffers as Lanes
+from sidegan.kernels.dynamics import DynamicsBuffers as Buffers
 from sidegan.kernels.jit import kernel
 from sidegan.kernels.regressor import SPAN, Columns, base_rows, mirror, tile
 
@@ -90,7 +90,7 @@ def add_terms(
 ) -> None:
     """Add a block's products of the terms with one another and with the weighted rigid-body columns.
 
-    The rigid-body columns are the first rows of y, as written by ``rows_of``; the terms' rows follow. Only
+    The rigid-body columns are the first rows of y, as written by ``base_rows``; the terms' rows follow. Only
     the upper triangle is updated.
     """
     _, start, count = block
@@ -146,7 +146,7 @@ def pull_terms(terms: JointTerms, signals: Signals, slope: Array) -> None:
 
 @kernel
 def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
-    """Scale each joint's rows of a regressor, as written by ``rows_of``, by the root of its weight."""
+    """Scale each joint's rows of a regressor, as written by ``base_rows``, by the root of its weight."""
     for i in range(len(roots)):
         for k in range(columns.first[i], columns.first[i + 1]):
             row = y[k]
@@ -158,7 +158,7 @@ def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
 
 @kernel
 def weighted_grams(
-    chain: Chain, states: Array, columns: Columns, extra: TermSignals, grams: Array, work: Lanes, y: Array
+    chain: Chain, states: Array, columns: Columns, extra: TermSignals, grams: Array, work: Buffers, y: Array
 ) -> None:
     """Write the Gram matrices YᵀWY / T, (B, P, P), of B trajectories' states (5, B, J, T).
 
@@ -192,7 +192,7 @@ def weighted_slopes(
     extra: TermSignals,
     directions: tuple[Array, Array],
     slope: Array,
-    work: Lanes,
+    work: Buffers,
 ) -> float:
     """Torque penalty; writes the gradient of it plus an energy in q, dq and ddq, (3, J, T).
 

@@ -38,9 +38,9 @@ def capsule_clearances(chain: Chain, shapes: Shapes, q: Array) -> tuple[Array, A
     """
     from sidegan.kernels import bodies as kernel
 
-    found = tuple(np.empty((len(q), len(x))) for x in (shapes.pairs, shapes.guarded))
-    kernel.signed_distances(chain, shapes, array(q), *found, kernel.pose_for(shapes, q.shape[1]))
-    return found[0], found[1]
+    pairs, regions = (np.empty((len(q), len(x))) for x in (shapes.pairs, shapes.guarded))
+    kernel.signed_distances(chain, shapes, array(q), pairs, regions, kernel.pose_for(shapes, q.shape[1]))
+    return pairs, regions
 
 
 def capsule_distances(arm: Arm, q: Array, pairs: Array) -> Array:
