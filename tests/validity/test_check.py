@@ -24,7 +24,7 @@ COMFORTABLE = dict(zip(KINDS, (1e-3, 5e-3, 1e-2, 1e-1, 1.0, 1e-3, 1e-3, 1e-3)))
 
 def unhindered(arm: Arm) -> Arm:
     """The arm with nothing in its way; a check that something else fails leaves margins loose."""
-    far, none = np.full((arm.joints,), 1e6, dtype=float), only(arm.capsules, np.arange(0))
+    far, none = np.full(arm.joints, 1e6), only(arm.capsules, np.arange(0))
     free = replace(arm, velocity_limit=far, torque_limit=np.inf * far, capsules=none)
     return replace(free, position_lower=-far, position_upper=far)
 
@@ -54,27 +54,21 @@ def scaled_to(margin: Callable[[Array], Array], c: Array, target: float, most: f
 
     The margin stays above the target by a hair. Those that never fall so far are left out.
     """
-    scales = np.linspace(0, most, 41, dtype=c.dtype)
+    scales = np.linspace(0, most, 41)
     below = np.stack([margin(c * s) < target for s in scales])
     falls = below.any(0) & ~below[0]
-    c, first = c[falls], below.astype(int).argmax(0)[falls]
+    c, first = c[falls], below.argmax(0)[falls]
     low, high = scales[first - 1], scales[first]
-    everything = np.ones((len(below[0]), *c.shape[1:]), dtype=c.dtype)
     for _ in range(30):
         middle = (low + high) / 2
-        everything[falls] = c * middle[:, None, None, None]
-        bad = (margin(everything) < target)[falls]
+        bad = margin(c * middle[:, None, None, None]) < target
         low, high = np.where(bad, low, middle), np.where(bad, middle, high)
     return c * low[:, None, None, None]
 
 
-def family(arm: Arm, period: float = 3.0) -> Trajectory:
-    return Trajectory(arm.joints, 5, period, BENT if arm.joints == 7 else None)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_violations_are_caught_and_comfortable_margins_accepted(kind: str, arm: Arm) -> None:
-    (constraints, name), trajectory = isolated(arm, kind), family(arm)
+    (constraints, name), trajectory = isolated(arm, kind), Trajectory(7, 5, 3.0, BENT)
 
     def least(rate: float, c: Array) -> Array:
         return smallest(constraints, trajectory, c, rate)[name]
@@ -124,7 +118,7 @@ def test_a_failure_states_constraint_place_time_and_margin(constraint, moved, by
 
 
 def test_result_depends_on_neither_batch_nor_threads(arm):
-    constraints, trajectory = Constraints(arm, [DESK]), family(arm)
+    constraints, trajectory = Constraints(arm, [DESK]), Trajectory(7, 5, 3.0, BENT)
     c = 0.12 * drawn(trajectory, 300)  # cells enough for three threads
     with on_threads(3):
         whole = check(constraints, trajectory, c)
@@ -165,7 +159,7 @@ def test_empty_batches_and_absurd_sizes_are_checked(planar: Arm) -> None:
     validity = check(constraints, trajectory, np.zeros((0, *trajectory.shape)))
     assert validity.valid.shape == (0,) and all(m.shape == (0,) for m in validity.margins.values())
     for size in (1e3, 1e150, 1e200, 1e300):
-        c = np.full((2, *trajectory.shape), size, dtype=float)
+        c = np.full((2, *trajectory.shape), size)
         c[1, :, ::2] *= -1
         validity = check(constraints, trajectory, c)
         assert not validity.valid.any() and validity.failures(0)

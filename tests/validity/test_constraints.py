@@ -91,7 +91,7 @@ def test_acceleration_and_jerk_limits_are_constraints(arm: Arm) -> None:
     shares = constraints.relative(margins, 1.0)
     assert shares["jerk"][0, 2] == 1 and shares["acceleration"][0, 0] < 1
     constraints.refuse_home(BENT)
-    none = np.full((7,), np.inf, dtype=float)
+    none = np.full(7, np.inf)
     assert Constraints(replace(arm, acceleration_limit=none, jerk_limit=none)).higher == {}
 
 
@@ -159,7 +159,7 @@ def test_hulls_of_tight_pairs_keep_a_smaller_clearance(load) -> None:
     trajectory = Trajectory(4, 4, 8.0)
     c = moderate(arm, trajectory, 200, seed=2)
     valid = assert_sound(near, trajectory, c, exact=False)
-    assert 0.1 < valid.astype(float).mean() < 0.9
+    assert 0.1 < valid.mean() < 0.9
 
 
 def offered(error: InfeasibleError) -> float:

@@ -22,15 +22,13 @@ from .test_pairs import chain
 
 def bent_arm(lower: float = 0.5) -> Arm:
     """The planar arm whose first joint may be between that and 1.5 rad."""
-    arm = load_robot("planar2")
-    limits = np.stack([arm.position_lower, arm.position_upper])
-    limits[:, 0] = np.array([lower, 1.5])
+    arm, limits = load_robot("planar2"), np.array([[lower, -2.9], [1.5, 2.9]])
     return replace(arm, position_lower=limits[0], position_upper=limits[1])
 
 
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
 def test_a_feasible_zero_position_stays_home(name):
-    assert default_home(Constraints(load_robot(name), [Plane((0, 0, 1), 0.1)])) is None
+    assert default_home(Constraints(load_robot(name), [DESK])) is None
 
 
 @pytest.mark.parametrize("lower", [0.0, 0.5])
@@ -89,7 +87,7 @@ def test_a_first_run_uses_reduced_effort_if_that_holds_the_arm(planar, share, ho
 @settings(max_examples=40)
 @given(seed=st.integers(0, 10**6), reach=st.floats(0.1, 1.0))
 def test_the_straight_path_check_agrees_with_dense_sampling(arm, seed, reach):
-    desk = Constraints(arm, [Plane(normal=(0, 0, 1), offset=0.1)], torque=False)
+    desk = Constraints(arm, [DESK], torque=False)
     generator = np.random.default_rng(seed)
     share = generator.random((2, arm.joints)) - 0.5
     middle, half = (arm.position_upper + arm.position_lower) / 2, arm.position_upper - arm.position_lower
@@ -117,7 +115,7 @@ def home(*position, arm=PLANAR):
 
 
 def weak(arm, *limits):
-    return replace(arm, torque_limit=np.array(limits, dtype=float))
+    return replace(arm, torque_limit=np.array(limits, float))
 
 
 def margins(*shapes, arm=ARM):

@@ -154,7 +154,7 @@ def shaped(arm: Arm, shape: str, seed: int) -> Arm:
 )
 def test_verdicts_and_margins_on_random_arms(joints, seed, shape, regions, clearance, period, limit, higher):
     arm = shaped(limited(random_chain(joints, seed)[0], sorted(higher), share=0.3), shape, seed)
-    torque = np.full((joints,), limit, dtype=float)
+    torque = np.full(joints, limit)
     torque[::2] = 150.0
     arm = replace(arm if seed % 2 else driven(arm, seed), torque_limit=torque)
     trajectory = Trajectory(joints, 4, period, ((arm.position_lower + arm.position_upper) / 2).tolist())
