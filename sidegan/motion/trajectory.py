@@ -202,5 +202,5 @@ def _quintic_scales(w: Array, period: float, order: int) -> Array:
 
 def _power_derivatives(s: Array, order: int) -> Array:
     """Derivative ``order`` of the powers 1, s, …, s⁵, (T, 6)."""
-    powers = range(len(_QUINTICS))
+    powers = range(len(_QUINTICS))  # math.perm is zero for those below the order
     return np.stack([math.perm(power, order) * s ** max(power - order, 0) for power in powers], -1)
