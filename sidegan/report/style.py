@@ -1,8 +1,10 @@
 """Colours and formats that figures and pages share."""
 
 import zlib
-from collections.abc import Iterable
+from collections.abc import Collection
 from itertools import cycle
+
+from sidegan.report.tables import kind_of, sort_sets
 
 # Distinct on white and dark pages, and for colour-blind readers.
 _COLOURS = {
@@ -26,10 +28,8 @@ def colour(name: str) -> str:
     return _COLOURS.get(name, PALETTE[zlib.crc32(name.encode()) % len(PALETTE)])
 
 
-def colours(names: Iterable[str]) -> list[str]:
+def colours(names: Collection[str]) -> list[str]:
     """Colour of each set or variant; different ones for single long trajectories, by their harmonics."""
-    shown = list(names)
-    longs = [name for name in shown if name.startswith("long-")]
-    ranked = sorted(longs, key=lambda name: int(name.removeprefix("long-")))
-    shades = dict(zip(ranked, cycle(_LONG)))
-    return [shades.get(name) or colour(name) for name in shown]
+    longs = [name for name in sort_sets(names) if kind_of(name)[0] == "long-"]
+    shades = dict(zip(longs, cycle(_LONG)))
+    return [shades.get(name) or colour(name) for name in names]

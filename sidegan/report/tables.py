@@ -1,19 +1,20 @@
 """Formatted tables from the results of runs."""
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import pandas as pd
 
 from sidegan.base.names import plain
 
-_SEARCHES = ("search", "boxed")  # followed by a hyphen and the number of evaluations
+# Kinds of sets whose names end with a number: of harmonics, evaluations, or measurements.
+_NUMBERED = re.compile(r"(long-|search-|boxed-|seeds ×)(\d+)")
 _PAPERS_ORDER = (
-    *("random", "natural", *_SEARCHES, "gradient"),
-    *("seeds", "vanilla", "eigen", "diagonal", "prediction"),
+    *("long-", "random", "natural", "search-", "boxed-", "gradient"),
+    *("seeds", "seeds ×", "vanilla", "eigen", "diagonal", "prediction"),
 )
 _TITLES = {"random": "random valid", "gradient": "short, by gradients"}
-_REMEASURED = "seeds ×"  # and the number of measurements
 _SETS = {
     "duration": ("duration [s]", "g"),
     "samples": ("samples", ".0f"),
@@ -61,27 +62,28 @@ LIKENESS = {
 }
 
 
+def kind_of(name: str) -> tuple[str, int]:
+    """The kind of a set and the number that its name ends with; of others their whole name, and 0."""
+    found = _NUMBERED.fullmatch(name)
+    return (found[1], int(found[2])) if found else (name, 0)
+
+
 def sort_sets(sets: Iterable[str]) -> list[str]:
     """Names of sets in the order of the paper's table: long trajectories first, unknown sets last."""
 
     def place(name: str) -> tuple[int, int, str]:
-        if name.startswith("long-"):
-            return -1, int(name.removeprefix("long-")), name
-        kind, _, evaluations = name.partition("-")
-        if kind in _SEARCHES:
-            return _PAPERS_ORDER.index(kind), int(evaluations), name
-        if name.startswith(_REMEASURED):
-            return _PAPERS_ORDER.index("seeds"), int(name.removeprefix(_REMEASURED)), name
-        return _PAPERS_ORDER.index(name) if name in _PAPERS_ORDER else len(_PAPERS_ORDER), 0, name
+        kind, number = kind_of(name)
+        return _PAPERS_ORDER.index(kind) if kind in _PAPERS_ORDER else len(_PAPERS_ORDER), number, name
 
     return sorted(sets, key=place)
 
 
 def title(name: str) -> str:
     """Label of a set."""
-    if name.startswith("long-"):
-        return f"single long, {name.removeprefix('long-')} harmonics"
-    if name.startswith("seeds"):
+    kind, number = kind_of(name)
+    if kind == "long-":
+        return f"single long, {number} harmonics"
+    if kind in ("seeds", "seeds ×"):
         return name
     return _TITLES.get(name, f"seeds + {name}")
 

@@ -8,6 +8,7 @@ from sidegan.report import tables
 from sidegan.report.canvas import blank
 from sidegan.report.document import write_page
 from sidegan.report.export import markdown, read_tables, show
+from sidegan.report.style import colour, colours
 
 SETS = ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
 KNOWN = {"success": 0.5, "condition": 100.0, "condition_valid": 90.0, "distance": 2.0, "nearest": 1.0}
@@ -34,6 +35,12 @@ def test_sets_follow_the_papers_order_unknown_ones_last():
     names = ["zeta", "diagonal", "alpha", "seeds", "long-210", "eigen", "long-12", "long-6", "vanilla"]
     expected = ["long-6", "long-12", "long-210", "seeds", "vanilla", "eigen", "diagonal", "alpha", "zeta"]
     assert tables.sort_sets(names) == tables.sort_sets(reversed(names)) == expected
+
+
+@pytest.mark.parametrize("name", ["long-horizon", "search", "boxed-in", "seeds-only"])
+def test_a_variant_may_be_called_almost_like_another_set(name):
+    assert tables.sort_sets([name, "long-6", "seeds"]) == ["long-6", "seeds", name]
+    assert tables.title(name) == f"seeds + {name}" and colours([name]) == [colour(name)]
 
 
 @pytest.mark.parametrize(
