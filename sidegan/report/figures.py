@@ -10,12 +10,21 @@ from matplotlib.figure import Figure
 
 from sidegan.report.canvas import blank, from_zero, legend, letter, logarithmic, tidy
 from sidegan.report.style import colour, colours
-from sidegan.report.tables import METRIC_LABELS, sort_sets, title, weighting
+from sidegan.report.tables import LIKENESS, WORTH, sort_sets, title, weighting
 
-METRICS = ["invalid", "condition", "condition_mean", "error", "error_constant", "distance"]  # of a generator
-METRICS += ["cosine", "rank_uncentred", "distance_diagonal"]
+# Metrics of a generator, with the labels of their panels.
+METRICS = {
+    "invalid": "invalid share",
+    "condition": WORTH["condition"],
+    "condition_mean": "mean cond(YᵀY)",
+    "error": "expected nMSE, noise of 10 % of the torque",
+    "error_constant": "expected nMSE, constant noise",
+    "distance": "mean distance [rad/s]",
+    "cosine": WORTH["cosine"],
+    "rank_uncentred": WORTH["rank_uncentred"],
+    "distance_diagonal": LIKENESS["distance_diagonal"],
+}
 _SCALE = {"condition_mean": "condition", "error_constant": "error"}  # whose axis a metric shares
-_LABELS = METRIC_LABELS | {"invalid": "invalid share", "distance": "mean distance [rad/s]"}
 _CLOUD = 200  # points of a set
 
 
@@ -46,7 +55,7 @@ def panels(frame: pd.DataFrame, references: Mapping[str, Mapping[str, float]]) -
         elif metric == "invalid":
             from_zero(axis, frame[metric])
         axis.set_xlabel("epoch", fontsize=9)
-        axis.set_ylabel(fill(_LABELS[metric], 30), fontsize=9)
+        axis.set_ylabel(fill(METRICS[metric], 30), fontsize=9)
         tidy(axis)
     letter([*axes.values()])
     legend(figure, {name: handles[name] for name in [*variants, *handles] if name in handles})

@@ -21,36 +21,22 @@ _SETS = {
     "condition": ("cond(YᵀY) of the stack", ".4g"),
     "covariance_norm": ("‖diag P‖", ".4g"),
 }
-# Labels of the metrics of generators and libraries.
-METRIC_LABELS = {
-    "valid_share": "valid share",
-    "condition": "median cond(YᵀY)",
-    "condition_mean": "mean cond(YᵀY)",
-    "condition_valid": "… of the valid",
-    "error": "expected nMSE, noise of 10 % of the torque",
-    "error_constant": "expected nMSE, constant noise",
-    "distance": "mean distance",
-    "nearest": "nearest distance",
-    "cosine": "mean cosine",
-    "rank_uncentred": "effective rank, uncentred",
-    "distance_diagonal": "mean distance of diag(YᵀY)",
-}
 # Labels of the columns of the table of generators …
 WORTH = {
-    "condition": METRIC_LABELS["condition"],
-    "condition_valid": METRIC_LABELS["condition_valid"],
+    "condition": "median cond(YᵀY)",
+    "condition_valid": "… of the valid",
     "gain": "gain, the paper's noise",
     "gain_geometric": "… geometric",
     "gain_constant": "gain, constant noise",
     "gain_constant_geometric": "… geometric, constant",
-    "distance": METRIC_LABELS["distance"],
+    "distance": "mean distance",
     "norm": "mean norm",
-    "cosine": METRIC_LABELS["cosine"],
-    "rank_uncentred": METRIC_LABELS["rank_uncentred"],
+    "cosine": "mean cosine",
+    "rank_uncentred": "effective rank, uncentred",
 }
 # … and of the table of their similarity to the seeds.
 LIKENESS = {
-    "nearest_other": METRIC_LABELS["nearest"],
+    "nearest_other": "nearest distance",
     "nearest_seed": "to the nearest seed",
     "beyond": "share beyond the seeds' ranges",
     "density": "density of c",
@@ -58,7 +44,7 @@ LIKENESS = {
     "density_diagonal": "density of log diag(YᵀY)",
     "coverage_diagonal": "coverage of log diag(YᵀY)",
     "told_apart": "accuracy of a classifier against the seeds",
-    "distance_diagonal": METRIC_LABELS["distance_diagonal"],
+    "distance_diagonal": "mean distance of diag(YᵀY)",
 }
 
 
@@ -147,7 +133,7 @@ def generator_table(frame: pd.DataFrame) -> pd.DataFrame:
         valid_share=valid_share(frame),
         condition_valid=frame.condition_valid.fillna(frame.condition),
     )
-    return _spreads(rows, {"valid_share": METRIC_LABELS["valid_share"], **WORTH})
+    return _spreads(rows, {"valid_share": "valid share", **WORTH})
 
 
 def valid_share(frame: pd.DataFrame) -> pd.Series:
