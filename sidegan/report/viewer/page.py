@@ -26,7 +26,7 @@ from sidegan.robot.visuals import Surface, capsule_surface, visual_parts
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.constraints import DISTANCES
 
-Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]  # plain values, and arrays
+Content: TypeAlias = dict[str, Any]  # plain values and arrays of a page
 
 _RATE, _FEWEST, _MOST = 25.0, 100, 500  # sampling rate of a motion [Hz], least and most samples
 _TRIANGLES = 120_000  # most triangles of an arm
@@ -60,7 +60,7 @@ def write_view(
     """
     samples = int(min(max(family.period * _RATE, _FEWEST), _MOST))
     motion = family.roll_out(coefficients, np.linspace(0.0, family.period, samples + 1))
-    head: dict[str, Any] = {
+    content: Content = {
         "name": arm.name,
         "joints": list(arm.joint_names),
         "prismatic": arm.prismatic.tolist(),
@@ -75,12 +75,12 @@ def write_view(
             "axis": arm.axis.tolist(),
             "tip": arm.tip.tolist(),
         },
+        **_signals(arm, constraints, motion),
+        **_closest(constraints, motion),
+        **_surfaces(constraints),
     }
-    arrays: dict[str, NDArray[Any]] = {}
-    parts = _signals(arm, constraints, motion), _closest(constraints, motion), _surfaces(constraints)
-    for values, new in parts:
-        head |= values
-        arrays |= new
+    arrays = {name: x for name, x in content.items() if isinstance(x, np.ndarray)}
+    head = {name: x for name, x in content.items() if name not in arrays}
     places, packed = _packed(arrays)
     page = rendered(
         Path(__file__).parent / "viewer.html.jinja",
@@ -106,30 +106,28 @@ def _signals(arm: Arm, constraints: Constraints, motion: Motion) -> Content:
         "acceleration": (motion.acceleration, arm.higher_limits.get("acceleration", unlimited)),
         "torque": (constraints.body.drive_torque(*motion[1:]), arm.torque_limit),
     }
-    shares: dict[str, Any] = {}
-    arrays: dict[str, NDArray[Any]] = {}
+    content: Content = {"middle": middle.tolist(), "signals": {}}
     for name, (values, limit) in signals.items():
         largest = np.maximum(np.abs(values).max((0, 1)), 1e-9)
         limited = np.isfinite(limit)
         scale = np.where(limited, limit, largest)
-        shares[name] = {"scale": scale.tolist(), "limited": limited.tolist()}
-        arrays[name] = (values / scale).astype(np.float32)
-    return {"middle": middle.tolist(), "signals": shares}, arrays
+        content["signals"][name] = {"scale": scale.tolist(), "limited": limited.tolist()}
+        content[name] = (values / scale).astype(np.float32)
+    return content
 
 
 def _closest(constraints: Constraints, motion: Motion) -> Content:
     """The closest pair and its distance [m]; empty without pairs."""
-    batch, samples, joints = motion.position.shape
     names = [label for name in DISTANCES for label in constraints.labels.get(name, ())]
-    distance, which = constraints.nearest(motion.position.reshape(-1, joints))
+    distance, which = constraints.nearest(motion.position.reshape(-1, constraints.arm.joints))
     if not np.isfinite(distance).all():
-        return {"pairs": []}, {}
+        return {"pairs": []}
     used, which = np.unique(which, return_inverse=True)
-    arrays = {
-        "pair": which.astype(np.uint32).reshape(batch, samples),
+    return {
+        "pairs": [names[k] for k in used.tolist()],
+        "pair": which.astype(np.uint32),
         "distance": distance.astype(np.float32),
     }
-    return {"pairs": [names[k] for k in used.tolist()]}, arrays
 
 
 def _surfaces(constraints: Constraints) -> Content:
@@ -142,14 +140,13 @@ def _surfaces(constraints: Constraints) -> Content:
     looks = fewer([*looks, *(part for part in shapes if part.link not in seen)])
     planes = [region for region in constraints.regions if isinstance(region, Plane)]
     obstacles = [region_surface(region) for region in constraints.regions if not isinstance(region, Plane)]
-    head: dict[str, Any] = {"planes": [{"normal": plane.unit, "offset": plane.offset} for plane in planes]}
-    arrays: dict[str, NDArray[Any]] = {}
+    content: Content = {"planes": [{"normal": plane.unit, "offset": plane.offset} for plane in planes]}
     for kind, parts in (("arm", looks), ("shapes", shapes), ("obstacles", obstacles)):
-        head[kind] = [part.link for part in parts]
+        content[kind] = [part.link for part in parts]
         for k, part in enumerate(parts):
-            arrays[f"{kind}{k}v"] = part.vertices.astype(np.float32)
-            arrays[f"{kind}{k}f"] = part.faces.astype(np.uint32)
-    return head, arrays
+            content[f"{kind}{k}v"] = part.vertices.astype(np.float32)
+            content[f"{kind}{k}f"] = part.faces.astype(np.uint32)
+    return content
 
 
 def region_surface(region: Box | Sphere | Convex) -> Surface:
