@@ -105,7 +105,7 @@ class _Partly:
 def _other_load(misfit: Misfit, partly: _Partly, fitted: _Fitted, k: int) -> str:
     """Words on another load in recording k; empty if its mass is not significant."""
     mass, deviation = partly.load(fitted, partly.data[k].pieces)
-    if abs(mass) <= _least_mass(misfit, deviation):
+    if abs(mass) <= misfit.least_mass(deviation):
         return ""
     return (
         f"{misfit.found.recordings[k].name} was recorded with a different load than the others: {mass:+.2g} "
@@ -135,13 +135,6 @@ def _with_friction(model: TorqueModel) -> Extended:
     return Extended(model, 2 * model.joints, columns)
 
 
-def _least_mass(misfit: Misfit, deviation: float) -> float:
-    """Mass [kg] from which a load counts."""
-    return max(
-        thresholds.CERTAIN * deviation, thresholds.NOTABLE_MASS * misfit.arm.inertial_parameters[:, 0].sum()
-    )
-
-
 def _held_load(misfit: Misfit, recording: CheckedRecording) -> str:
     """Words on a load held in a stretch of a recording, if that explains most of its residuals; or empty."""
     whole = measurements_of([recording])
@@ -164,7 +157,7 @@ def _held_load(misfit: Misfit, recording: CheckedRecording) -> str:
     _, end = min(((begin, end + d) for d in near if begin < end + d <= last), key=remaining)
     fitted = partly.fitted(begin, end)
     mass, deviation = partly.load(fitted, whole)
-    if not fitted.explains or abs(mass) < _least_mass(misfit, deviation) or end - begin < _FINER:
+    if not fitted.explains or abs(mass) < misfit.least_mass(deviation) or end - begin < _FINER:
         return ""
     if mass < 0 and (begin == 0 or end == last):  # the rest of the recording is without it
         begin, end, mass = (end, last, -mass) if begin == 0 else (0, begin, -mass)

@@ -127,9 +127,7 @@ def _other_links(misfit: Misfit) -> list[Finding]:
             continue
         difference, deviation, error = link
         (mass, *moment), name = difference[:4].tolist(), arm.link_names[j]
-        known = abs(mass) > max(
-            thresholds.CERTAIN * deviation[0], thresholds.NOTABLE_MASS * arm.inertial_parameters[:, 0].sum()
-        )
+        known = abs(mass) > misfit.least_mass(deviation[0])
         if known and mass > 0 and j == model.joints - 1:
             centre = ", ".join(f"{x / mass:.2g}" for x in moment)
             text = f"a load of {mass:.2g} kg at ({centre}) m on {name} explains the difference from the "

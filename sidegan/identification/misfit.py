@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cached_property
 
 from sidegan.base.arrays import Array
+from sidegan.identification import thresholds
 from sidegan.identification.estimate import estimate, nmse_text, score
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements
@@ -39,6 +40,11 @@ class Misfit:
         )
         parameters = estimate(found.chosen.method, model, samples).parameters
         return self.quality.mean(score(model, parameters, held_out or samples))
+
+    def least_mass(self, deviation: float) -> float:
+        """Mass [kg] from which a load or a difference of a link counts, by the deviation of what is found."""
+        notable = thresholds.NOTABLE_MASS * self.arm.inertial_parameters[:, 0].sum()
+        return max(thresholds.CERTAIN * deviation, notable)
 
     def instead(self, error: float) -> str:
         """Words on the mean nMSE that another model or other data would have."""
