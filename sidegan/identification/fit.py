@@ -1,7 +1,8 @@
 """Weighted least squares on sums over samples, and the errors of its parameters."""
 
 from collections.abc import Callable, Iterable
-from typing import NamedTuple, Protocol
+from functools import reduce
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel, torques_of
-from sidegan.identification.sums import Sums, no_sums, solve, sums_of
+from sidegan.identification.sums import Sums, solve, sums_of
 
 LEAST = 1e-6  # prior information on each parameter: directions without excitation stay at zero
 
@@ -18,16 +19,6 @@ _REPETITIONS = 20
 _SETTLED = 1e-3  # relative change at which weights have converged
 _MOST_SPENT = 0.5  # largest share of the degrees of freedom deducted for parameters; beyond, it is a guess
 _LAGS = 0.25  # longest lag, as a share of a piece: longer lags have too few pairs
-
-
-class LinearModel(Protocol):
-    """A model of J joints whose torques are linear in its P parameters."""
-
-    joints: int
-    count: int  # P
-
-    def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
-        """Regressor, (S, J, P), of states (S, J); see ``TorqueModel``."""
 
 
 class Extended:
@@ -43,6 +34,9 @@ class Extended:
         """Regressor, (S, J, P + K), of states (S, J)."""
         y = self._model.regressor(q, dq, ddq, sign)
         return np.concatenate([y, self._columns(q, dq, ddq, sign)], 2)
+
+
+LinearModel: TypeAlias = TorqueModel | Extended
 
 
 class Gathered(NamedTuple):
@@ -61,10 +55,8 @@ def gather(model: LinearModel, measurements: Samples) -> Gathered:
     parts = list(pieces(measurements))
     if not parts:
         raise ShapeError("there are no samples to identify from")
-    sums = no_sums(model.joints, model.count)
     with np.errstate(over="ignore"):  # the check below refuses it
-        for part in parts:
-            sums = sums.plus(_sums(model, part))
+        sums = reduce(Sums.plus, (_sums(model, part) for part in parts))
     if not all(np.isfinite(x).all() for x in sums):
         raise ShapeError(
             "the regressor or the torque holds a value that is not finite or too large to square"
@@ -74,22 +66,18 @@ def gather(model: LinearModel, measurements: Samples) -> Gathered:
 
 def residual_of(model: LinearModel, part: Measurements, parameters: Array) -> Array:
     """Residual τ − Y θ [N·m or N], (S, J), of a piece."""
-    return part.torque - torques_of(_regressor(model, part), parameters)
+    return part.torque - torques_of(model.regressor(*part.inputs), parameters)
 
 
 def _sums(model: LinearModel, part: Measurements) -> Sums:
-    if not isinstance(model, TorqueModel) or model.kinds or model.effects or part.joints != model.joints:
-        return sums_of(_regressor(model, part), part.torque)
+    if part.joints != model.joints:
+        raise ShapeError(f"measurements have {part.joints} joints, the model has {model.joints}")
+    if not isinstance(model, TorqueModel) or model.kinds or model.effects:
+        return sums_of(model.regressor(*part.inputs), part.torque)
     # For rigid bodies alone the same sums need no regressor in memory.
     products = model.body.sums(*part.states, part.torque)
     information, moment, energy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
     return Sums(information, moment, energy, part.torque.sum(0), np.array(float(len(part))))
-
-
-def _regressor(model: LinearModel, part: Measurements) -> Array:
-    if part.joints != model.joints:
-        raise ShapeError(f"measurements have {part.joints} joints, the model has {model.joints}")
-    return model.regressor(*part.inputs)
 
 
 class TorqueErrors(NamedTuple):
