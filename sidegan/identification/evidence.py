@@ -34,27 +34,15 @@ class Effect(NamedTuple):
     kind: str  # of ``EFFECT_KINDS``
     error: float  # the joint's squared error on data held out in turn, over that without the effect
 
-    def sentence(self, joint: str) -> str:
-        """What it buys, for a joint's name."""
-        return (
-            f"{joint}: the model has {EFFECT_KINDS[self.kind].words}, which leaves {self.error:.0%} of the "
-            "squared error on data held out in turn"
-        )
-
-
-class ChosenEffects(NamedTuple):
-    """Effects for a model, and what each buys."""
-
-    effects: Effects | None
-    each: list[Effect]
-
 
 def effects_of(
     model: TorqueModel,
     recordings: Sequence[Sequence[Measurements]],
     wanted: Mapping[str, Sequence[str]] | None = None,
-) -> ChosenEffects:
+) -> tuple[Effects | None, list[Effect]]:
     """Effects for a model without any: those for which recordings speak, or wanted kinds by joints' names.
+
+    Also what each buys.
 
     Recordings, or stretches of one, are held out in turn. Kinds are tried in all joints at once and judged
     joint by joint: the best is kept where errors fall in every part, and by 5 % (in one recording by
@@ -84,14 +72,14 @@ def effects_of(
         before = chosen
         chosen = _chosen(turns, before) if wanted is None else before
         if not chosen:
-            return ChosenEffects(None, [])
+            return None, []
         change = turns.fitted(chosen, turns.whole)[: model.moved] - load
         load = load + change
         moved = np.sqrt((_squares(plain, change) / np.maximum(plain.energy, TINY)).max())
         if chosen == before and (moved < _SETTLED or not any(kind == "load" for _, kind in chosen)):
             break
     each = [Effect(*key, turns.worth(key, chosen)) for key in sorted(chosen)]
-    return ChosenEffects(Effects(sorted(chosen), load, usual), each)
+    return Effects(sorted(chosen), load, usual), each
 
 
 def _parts(recordings: Sequence[Sequence[Measurements]]) -> list[Measurements]:

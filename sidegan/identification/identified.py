@@ -8,6 +8,7 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
+from sidegan.identification.effects import EFFECT_KINDS
 from sidegan.identification.estimate import Estimate, Score
 from sidegan.identification.evidence import Effect
 from sidegan.identification.measurements import Measurements
@@ -103,7 +104,11 @@ class IdentifiedArm:
     @property
     def modelled(self) -> list[str]:
         """Sentences on the effects that the model has, and what each buys."""
-        return [effect.sentence(self.quality.joint(effect.joint)) for effect in self.effects]
+        return [
+            f"{self.quality.joint(j)}: the model has {EFFECT_KINDS[kind].words}, which leaves {error:.0%} of "
+            "the squared error on data held out in turn"
+            for j, kind, error in self.effects
+        ]
 
     @property
     def left_over(self) -> list[str]:

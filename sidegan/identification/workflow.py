@@ -45,11 +45,11 @@ def identify_arm(
     if terms.effects == "none" or (plain.quality.faulty and terms.effects == "auto"):
         return plain
     wanted = None if terms.effects == "auto" else terms.effects
-    found = effects_of(model, [measurements_of([recording]) for recording in training], wanted)
-    if found.effects is None:
+    effects, each = effects_of(model, [measurements_of([recording]) for recording in training], wanted)
+    if effects is None:
         return plain
-    result = _judged(TorqueModel(model.body, terms, found.effects), training, validation, settings)
-    result = replace(result, effects=found.each)
+    result = _judged(TorqueModel(model.body, terms, effects), training, validation, settings)
+    result = replace(result, effects=each)
     if plain.quality.verdict != BAD or result.quality.verdict == BAD:
         return result
     doubt = Finding(USABLE, f"not trustworthy without its effects on joints: {plain.quality.reasons[0]}")

@@ -56,9 +56,9 @@ def white(shape, *seed):
     return np.random.default_rng(seed).normal(size=shape)
 
 
-def measured(model, states, noise=0.0, seed=0):
-    """Measurements of the model at states, by its true parameters, with white noise [N·m]."""
-    torque = model.torque(truth_of(model), *states)
+def measured(model, states, noise=0.0, seed=0, parameters=None):
+    """Measurements of the model at states, by its true parameters or others, with white noise [N·m]."""
+    torque = model.torque(truth_of(model) if parameters is None else parameters, *states)
     return Measurements(*states, torque + noise * white(torque.shape, seed, 1))
 
 
