@@ -17,18 +17,17 @@ def least_eigenvalues(links, arm):
 
 
 class TestFit:
-    def test_every_link_is_physical_despite_short_and_noisy_data(self, arm):
-        model = model_of(arm)
+    def test_every_link_is_physical_despite_short_and_noisy_data(self, arm, model):
         found = estimate("consistent", model, recorded(model, 150, noise=3.0))
         assert (least_eigenvalues(model.links_of(found.standard), arm) > 0.9e-4).all()
         for name in ("rotor_inertia", "viscous", "coulomb"):
             assert (found.standard[model.standard_slice(name)] > -1e-6).all()
         np.testing.assert_allclose(model.mapping @ found.standard, found.parameters)
 
-    def test_an_undescribed_tool_is_found_with_the_other_links_regularised(self, arm):
+    def test_an_undescribed_tool_is_found_with_the_other_links_regularised(self, arm, model):
         links = arm.inertial_parameters.copy()
         links[-1] += [1.3, 0, 0, 0.104, 0.0113, 0, 0.0113, 0, 0, 0.002]
-        other, model = model_of(replace(arm, inertial_parameters=links)), model_of(arm)
+        other = model_of(replace(arm, inertial_parameters=links))
         data, truth = recorded(other, 600, noise=0.05), truth_of(other)
         plain = estimate("weighted", model, data)
         _, pull = fit_with_pull(model, *plain.sums.weighted(plain.weights))
@@ -39,8 +38,8 @@ class TestFit:
             worst[setting] = float(np.abs((found.parameters - truth) / found.deviation).max())
         assert worst[None] < 4 < worst[1.0]
 
-    def test_confidence_intervals_contain_the_truth_and_use_the_description(self, arm):
-        model, shares, ratios = model_of(arm), [], []
+    def test_confidence_intervals_contain_the_truth_and_use_the_description(self, arm, model):
+        shares, ratios = [], []
         for seed in range(3):
             random = np.random.default_rng(seed)
             factors = random.uniform(0.7, 1.3, (7, 1))

@@ -24,7 +24,7 @@ from sidegan.identification.model import states_within
 from sidegan.identification.payload import with_load
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
-from tests.identification.recordings import GOAL, half_still, measured, model_of, multisine
+from tests.identification.recordings import GOAL, half_still, measured, multisine
 
 NOISE, RATE = 0.3, 100.0
 SEARCH = SearchSettings(evaluations=240, patience=80)
@@ -48,15 +48,14 @@ def known_and_motion(model, seed, samples=200):
 
 
 @pytest.mark.parametrize("identified", [True, False])
-def test_deviations_of_a_tool_are_those_of_the_full_least_squares_problem(arm, identified):
+def test_deviations_of_a_tool_are_those_of_the_full_least_squares_problem(model, identified):
     """Least squares on runs without and with it, the arm's parameters unknown in both."""
-    model = model_of(arm)
     known, motion = known_and_motion(model, 3)
     tool = Tool(model, np.ones(model.count), identified)
     whole = np.zeros((model.count + 10, model.count + 10))
     whole[: model.count, : model.count] = known
     for carried in (True,) if identified else (False, True):
-        rows = with_load(model, carried).regressor(*multisine(arm.joints, 200, 3)).reshape(-1, len(whole))
+        rows = with_load(model, carried).regressor(*multisine(model.joints, 200, 3)).reshape(-1, len(whole))
         whole += rows.T @ rows
     typical = np.array([1, *[0.1] * 3, *[0.01] * 6])
     whole[model.count :, model.count :] += np.diag(1 / (10 * typical) ** 2)
@@ -66,8 +65,7 @@ def test_deviations_of_a_tool_are_those_of_the_full_least_squares_problem(arm, i
     assert tool.names[0] == "tool m" and len(tool.names) == 10
 
 
-def test_a_goal_on_links_counts_their_parameters_only(arm):
-    model = model_of(arm)
+def test_a_goal_on_links_counts_their_parameters_only(arm, model):
     known, motion = known_and_motion(model, 4)
     unit = np.linspace(1, 2, model.count)
     goal = Parameters(model, unit, ["link_3", "link_7"])
@@ -81,8 +79,7 @@ def test_a_goal_on_links_counts_their_parameters_only(arm):
     np.testing.assert_allclose(*every)
 
 
-def test_predicted_torques_err_as_the_covariance_says(arm):
-    model = model_of(arm)
+def test_predicted_torques_err_as_the_covariance_says(arm, model):
     known, motion = known_and_motion(model, 5)
     usual = np.linspace(5, 50, arm.joints)
     goal = TorquePrediction(model, np.ones(model.count), usual)
