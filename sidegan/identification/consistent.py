@@ -38,12 +38,9 @@ def consistent(model: TorqueModel, data: Gathered, strength: float | None = None
     units nor frames. P_i are positive definite; friction and rotor inertias are not negative. The covariance
     counts the pull's second derivative as information; it neglects the bounds, which would only reduce it.
 
-    Args:
-        model: the model to fit.
-        data: the samples.
-        strength: weight of the pull relative to the log-likelihood of the samples; it decides the parameters
-            that no motion identifies. None: the most probable strength of each link, which pulls a link less
-            if the samples contradict it.
+    ``strength`` is the weight of the pull relative to the log-likelihood of the samples; it decides the
+    parameters that no motion identifies. None: the most probable strength of each link, which pulls a link
+    less if the samples contradict it.
 
     Source: Wensing et al. 2018; Sousa, Cortesão 2014; Lee, Wensing, Park 2020, Geometric robot dynamic
     identification: a convex programming approach, eq. 22.

@@ -12,13 +12,10 @@ from sidegan.robot import Arm
 
 
 def c_header(arm: Arm, numbers: Mapping[str, Any], recordings: Sequence[str], verdict: str) -> bytes:
-    """The recommended model as a C99 header, from ``arm.h.jinja``.
+    """The recommended model as a C99 header, from ``arm.h.jinja``; ``recordings`` are their names.
 
-    Args:
-        arm: the arm: its chain and gravity.
-        numbers: the model as in parameters.json, of which ``use``, ``sign_width`` and ``usual_load`` count.
-        recordings: names of the recordings that it was identified from.
-        verdict: on the model.
+    Chain and gravity are the arm's; of numbers, as in parameters.json, ``use``, ``sign_width`` and
+    ``usual_load`` count.
     """
     words = {"recordings": recordings, "verdict": verdict, **numbers}
     return rendered(Path(__file__).parent / "arm.h.jinja", {"braces": _braces}, arm=arm, **words)

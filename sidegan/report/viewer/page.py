@@ -43,17 +43,10 @@ def write_view(
     table: pd.DataFrame,
     steps: Sequence[tuple[str, str]] = (),
 ) -> None:
-    """Write a page with trajectories of coefficients [rad/s], (B, J, H, 2).
+    """Write a page with trajectories of coefficients [rad/s], (B, J, H, 2), in the constraints' workspace.
 
-    Args:
-        path: of the file.
-        constraints: the arm in its workspace.
-        arm: the arm with its full limits, which signals are relative to.
-        family: of the trajectories.
-        coefficients: of the trajectories.
-        titles: of the trajectories.
-        table: demands of each trajectory, a row each.
-        steps: instructions, a sentence and a command each.
+    Signals are relative to the limits of ``arm``, which are its full ones. The table has the demands of each
+    trajectory, a row each; steps are instructions, a sentence and a command each.
 
     Raises:
         ArtifactError: when trimesh has no three.js.
