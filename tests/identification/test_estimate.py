@@ -26,19 +26,17 @@ from tests.identification.recordings import (
 PLAIN = ["ols", "weighted"]  # need no arm, and scale with the torque
 
 
-@pytest.fixture(scope="module")
-def rows():
-    return noisy_rows(400)
+ROWS = noisy_rows(400)
 
 
-def fitted(method, rows):
-    model = Fixed(rows[0])
-    return estimate(method, model, model.measurements(rows[1]))
+def fitted(method, y, tau):
+    model = Fixed(y)
+    return estimate(method, model, model.measurements(tau))
 
 
-def test_condition_is_that_of_scaled_columns(rows):
-    found = fitted("weighted", rows)
-    y = (rows[0] * found.weights[:, None]).reshape(-1, 6)
+def test_condition_is_that_of_scaled_columns():
+    found = fitted("weighted", *ROWS)
+    y = (ROWS[0] * found.weights[:, None]).reshape(-1, 6)
     assert found.condition == pytest.approx(np.linalg.cond(y / np.linalg.norm(y, axis=0)), rel=1e-6)
 
 
@@ -53,18 +51,17 @@ class TestLaws:
 
     @settings(max_examples=25)
     @given(st.sampled_from([0.02, 0.5, 7.0, 100.0]), st.integers(0, 1000), st.sampled_from(PLAIN))
-    def test_parameters_are_equivariant_to_shift_and_scale(self, rows, factor, seed, method):
-        shift = np.random.default_rng(seed).normal(size=6)
-        original = fitted(method, rows)
-        other = fitted(method, (rows[0], factor * rows[1] + rows[0] @ shift))
+    def test_parameters_are_equivariant_to_shift_and_scale(self, factor, seed, method):
+        (y, tau), shift = ROWS, np.random.default_rng(seed).normal(size=6)
+        original, other = fitted(method, y, tau), fitted(method, y, factor * tau + y @ shift)
         assert_close(other.parameters, factor * original.parameters + shift, 1e-3)
         assert_close(other.deviation, factor * original.deviation, 1e-2)
 
     @settings(max_examples=20)
     @given(st.integers(1, 500), st.integers(1, 399), st.sampled_from(PLAIN))
-    def test_blocks_and_recordings_do_not_change_the_estimate(self, rows, size, cut, method):
-        model = Fixed(rows[0])
-        data = model.measurements(rows[1])
+    def test_blocks_and_recordings_do_not_change_the_estimate(self, size, cut, method):
+        model = Fixed(ROWS[0])
+        data = model.measurements(ROWS[1])
         whole = estimate(method, model, data)
         with recordings.at_once(size):
             found = estimate(method, model, iter([data[:cut], data[cut:]]))
@@ -115,9 +112,6 @@ class TestCorrelation:
         r[:, 2] = 0  # a residual of nothing correlates with nothing
         inflation = inflation_of([r, r[:1]])
         assert (inflation >= 1).all() and np.isfinite(inflation).all()
-
-
-ROWS = noisy_rows(200)
 
 
 def classical(y, tau, prior):
