@@ -148,8 +148,6 @@ def likeness_table(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _spreads(frame: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
     """Columns with their labels, a row for each generator."""
-    cells = {
-        str(name): {label: spread(part[key]) for key, label in columns.items() if key in part}
-        for name, part in frame.groupby("name", sort=False)
-    }
-    return pd.DataFrame.from_dict(cells, orient="index").loc[sort_sets(cells)].rename_axis("generator")
+    known = {key: label for key, label in columns.items() if key in frame}
+    table = frame.groupby("name")[list(known)].agg(spread).rename(columns=known)
+    return table.loc[sort_sets(table.index)].rename_axis("generator")
