@@ -1,6 +1,7 @@
 """Identify an arm from recordings: a model with its errors, a verdict, and result files."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from numbers import Real
 from pathlib import Path
@@ -171,8 +172,7 @@ def check_recordings(
     require_cell(cell)
     settings = settings_of(RecordingSettings, recording)
     share = _share(validation)
-    if gains is not None and not _gains(gains):
-        raise ConfigError(f"gains is {gains!r}, expected a drive gain of each joint, not zero [N·m/A]")
+    gains = _gains(gains)
     with TemporaryDirectory() as folder:
         first = _named(recordings, "recording", folder)
         held_out = [] if share else _named(validation, "validation", folder)
@@ -186,8 +186,7 @@ def check_recordings(
     if share is not None:
         parts = [hold_out(checked, share) for checked in training]
         training, validated = [head for head, _ in parts], [tail for _, tail in parts]
-    given: dict[str, Any] = {"recordings": first, "validation": held_out or share}
-    given |= {} if gains is None else {"robot.gains": np.asarray(gains, float).tolist()}
+    given = {"recordings": first, "validation": held_out or share, "robot.gains": gains}
     command, excite = _commands(cell, arm, given, settings)
     command = command.replace(f"{folder}/", "")  # data frames are shown by their names
     robot = {"name": cell.robot, "gains": gains, **asdict(cell.setup)}
@@ -241,13 +240,15 @@ def identified(cell: Cell, checked: Checked, terms: Terms, estimation: Estimatio
     return IdentifiedModel(found, checked.origin._replace(command=command, settings=settings))
 
 
-def _gains(given: object) -> bool:
-    """Whether drive gains are a list of finite numbers other than zero."""
-    try:
+def _gains(given: Sequence[float] | None) -> list[float] | None:
+    """Drive gains [N·m/A] as plain numbers; a ConfigError unless they are finite and not zero."""
+    if given is None:
+        return None
+    with suppress(TypeError, ValueError):  # of what are no numbers
         gains = np.asarray(given, float)
-    except (TypeError, ValueError):
-        return False
-    return gains.ndim == 1 and bool((np.isfinite(gains) & (gains != 0)).all())
+        if gains.ndim == 1 and (np.isfinite(gains) & (gains != 0)).all():
+            return gains.tolist()
+    raise ConfigError(f"gains is {given!r}, expected a drive gain of each joint, not zero [N·m/A]")
 
 
 def _share(validation: Recordings | Given | float) -> float | None:

@@ -87,6 +87,13 @@ def test_messages_about_recordings_suggest_what_python_takes(cell, tables):
     assert "recording={'torque': None, 'current': 'tau{index}'}" in unused
 
 
+def test_drive_gains_may_be_an_array(cell, tables, tmp_path):
+    currents = tables[0].rename(columns=lambda name: name.replace("tau", "current"))
+    made = sg.identify(cell, currents, gains=np.array([1, 1]))
+    made.save(tmp_path)
+    assert made.origin.settings["robot"]["gains"] == [1, 1] and (tmp_path / "report.html").exists()
+
+
 def test_a_fit_that_fails_repeats_what_was_found_in_the_recordings(cell, tables, monkeypatch):
     monkeypatch.setattr("sidegan.identification.consistent._OBJECTIVE_SCALES", ())  # nothing can be solved
     against = tables[0].assign(tau_shoulder=-tables[0].tau_shoulder, tau_elbow=-tables[0].tau_elbow)
