@@ -150,11 +150,11 @@ def train(
                 f"the surrogates in {source} were trained for another cell: {', '.join(differing)} differ"
             )
     c = None if seeds is None or not settings.seeded else _examples(seeds, cell, box)
-    run = TrainingRun(name, number(seed, f"gan {name}"), Path())
+    training_seed = number(seed, f"gan {name}")
     networks = [] if source is None else [file_digest(file) for file in sorted(source.glob("*.pt"))]
     learnt, bound = None if c is None else c.tolist(), None if box is None else float(box)
     # all that the result follows from: other calls have other folders beside this one
-    stamp = stamp_of(cell.identity(), name, settings.stamped(), learnt, run.seed, bound, networks)
+    stamp = stamp_of(cell.identity(), name, settings.stamped(), learnt, training_seed, bound, networks)
     with TemporaryDirectory() as temporary, torch_alone():
         work = path_of(temporary if folder is None else folder, "folder") / stamp
         with writing(work):
@@ -163,8 +163,9 @@ def train(
             source = work / "surrogates"
             if not (source / _CELL).exists():  # which is written last
                 _from_vanilla(cell, c, source, surrogates_recipe(), seed, box, workers, work / "negatives")
-        run = replace(run, work=work / name)
-        made = _followed(cell, settings, c, run, source, box if settings.generator.boxed else None)
+        with bar(f"epochs of {name}", settings.epochs) as show:
+            run = TrainingRun(name, training_seed, work / name, progress=lambda done, total: show(done))
+            made = trained(cell, settings, c, run, surrogates=source, box=box)
     return Generator(made.generator, pd.DataFrame(made.history))
 
 
@@ -258,8 +259,10 @@ def _from_vanilla(
     ((name, variant),) = settings.negatives.items()
     with writing(folder):  # before it is needed, since the training takes long
         folder.mkdir(parents=True, exist_ok=True)
-    run = TrainingRun(name, number(seed, f"gan {name}"), work)
-    vanilla = _followed(cell, variant, c, run, None, box if variant.generator.boxed else None).generator
+    with bar(f"epochs of {name}", variant.epochs) as show:
+        training_seed = number(seed, f"gan {name}")
+        run = TrainingRun(name, training_seed, work, progress=lambda done, total: show(done))
+        vanilla = trained(cell, variant, c, run, box=box).generator
     return pretrain(cell, c, vanilla, settings, folder, seed=seed, workers=workers)
 
 
@@ -286,20 +289,6 @@ def pretrain(
     return {key: value for part in parts for key, value in part.items()}
 
 
-def _followed(
-    cell: Cell,
-    variant: Variant,
-    seeds: Array | None,
-    run: TrainingRun,
-    surrogates: Path | None,
-    box: float | None,
-) -> Trained:
-    """A training as by ``trained``, with its progress on the terminal or in the log."""
-    with bar(f"epochs of {run.name}", variant.epochs) as show:
-        shown = replace(run, progress=lambda done, total: show(done))
-        return trained(cell, variant, seeds, shown, surrogates=surrogates, box=box)
-
-
 def trained(
     cell: Cell,
     variant: Variant,
@@ -312,10 +301,11 @@ def trained(
     """Train a variant, or resume its interrupted training.
 
     It learns from seeds, coefficients [rad/s], (N, J, H, 2), or from random trajectories if None, and from
-    the surrogates in a folder; ``box`` bounds its absolute coefficients [rad/s]. Raises the errors of
-    ``sidegan.gan.training.train_variant``, and an ArtifactError if a surrogate is missing, damaged, or for a
-    different arm.
+    the surrogates in a folder; ``box`` bounds its absolute coefficients [rad/s] if its generator is boxed.
+    Raises the errors of ``sidegan.gan.training.train_variant``, and an ArtifactError if a surrogate is
+    missing, damaged, or for a different arm.
     """
+    box = box if variant.generator.boxed else None
     if seeds is None:
         seeds = random_trajectories(cell.constraints, cell.trajectory, run.seed, box)
     data = Data(cell.constraints, cell.trajectory, seeds, box=box)
