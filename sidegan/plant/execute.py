@@ -106,24 +106,19 @@ class Plant:
         With implicit integration, damping acts on the velocity at the end of a step, so the torque over a
         step depends on the velocity after it; a drive at its limit when the step begins stays there.
         """
-        from mujoco import MjData, mj_getState, mj_stateSize, mjtState, rollout
+        from mujoco import MjData, rollout
 
         stiffness, damping = self.gains
         rigid = self.body.torque(*reference[1:]) + self._each("rotor_inertia") * reference.acceleration
         ahead = np.concatenate([reference.velocity[1:], reference.velocity[-1:]])
         feed = damping * ahead + self.settings.feed_forward * rigid
         target = reference.position + feed / stiffness
-        data = MjData(self.model)
-        data.qpos[:], data.qvel[:] = reference.position[0], reference.velocity[0]
-        spec = mjtState.mjSTATE_FULLPHYSICS
-        start = np.empty(mj_stateSize(self.model, spec))
-        mj_getState(self.model, data, start, spec)
+        start = np.concatenate([[0.0], reference.position[0], reference.velocity[0]])  # from time zero
         warm = np.zeros(self.model.nv)  # results must not depend on what was simulated before
         with mujoco_logged(self.arm.name):
+            data = MjData(self.model)
             states, _ = rollout.rollout(self.model, data, start, target[None], initial_warmstart=warm)
-        joints = self.arm.joints  # a state is time, positions, velocities
-        states = np.concatenate([start[None], states[0]])[:, 1 : 1 + 2 * joints]
-        position, velocity = states[:, :joints], states[:, joints:]
+        position, velocity = np.split(np.concatenate([start[None], states[0]])[:, 1:], 2, axis=1)
         spring = stiffness * (target - position[:-1])
         limit = self.arm.torque_limit
         demand = spring - damping * velocity[:-1]
