@@ -57,13 +57,9 @@ IDEAL = PlantSettings(viscous=[0.0], coulomb=[0.0], rotor_inertia=[0.0])
 def mujoco_model(
     arm: Arm, settings: PlantSettings = IDEAL, stiffness: Array | None = None, damping: Array | None = None
 ) -> "mujoco.MjModel":
-    """MuJoCo model of an arm, without contacts.
+    """MuJoCo model of an arm, without contacts; by default a rigid body at 1 kHz.
 
-    Args:
-        arm: the arm.
-        settings: friction, rotor inertia and rate; by default a rigid body at 1 kHz.
-        stiffness: of position servos [N·m/rad], (J,); None: no servos.
-        damping: of the servos [N·m·s/rad], (J,).
+    It has position servos if there are stiffness [N·m/rad] and damping [N·m·s/rad], (J,) each.
 
     Raises:
         RobotError: when a link is not physically consistent, or MuJoCo refuses the arm.

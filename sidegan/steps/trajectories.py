@@ -29,8 +29,6 @@ from sidegan.steps.demands import demands_of, energy_of
 from sidegan.steps.weak_sets import excitation_warnings
 from sidegan.validity import check
 
-_SIGNALS = {"q": "position", "dq": "velocity", "ddq": "acceleration"}
-
 
 @dataclass(frozen=True, eq=False)
 class TrajectorySet:
@@ -162,8 +160,8 @@ class TrajectorySet:
         motion = self.motion(rate)
         number = np.repeat(np.arange(1, len(self) + 1), len(motion.time))
         columns = {"trajectory": number, "time": np.tile(motion.time, len(self))}
-        for letters, name in _SIGNALS.items():
-            x = getattr(motion, name).reshape(len(number), -1)
+        for letters, signal in zip(("q", "dq", "ddq"), motion[1:]):
+            x = signal.reshape(len(number), -1)
             columns |= {f"{letters}_{joint}": x[:, j] for j, joint in enumerate(self.cell.arm.joint_names)}
         return pd.DataFrame(columns)
 

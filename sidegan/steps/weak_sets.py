@@ -23,12 +23,8 @@ def excitation_warnings(
 ) -> list[str]:
     """Why a set hardly excites the arm, and what helps; empty for a good set.
 
-    Args:
-        cell: the arm in its cell.
-        family: of the trajectories.
-        c: their coefficients [rad/s], (N, J, H, 2).
-        condition: condition number of all of them together.
-        aim: the goal that the set was designed for, if any.
+    It has coefficients [rad/s], (N, J, H, 2), a condition number of all of them together, and the goal that
+    it was designed for, if any.
     """
     use = np.median(replace(cell.problem, trajectory=family).limit_use(c).max(0))
     reasons = []
