@@ -1,9 +1,11 @@
-"""An arm as Pinocchio has it, with the arm's own numbers, to check our dynamics and distances against."""
+"""An arm as Pinocchio has it, with the arm's own numbers, and MuJoCo's torques, to check ours against."""
 
 import coal
+import mujoco
 import numpy as np
 import pinocchio as pin
 
+from sidegan.base.arrays import Array
 from sidegan.robot import Arm
 
 
@@ -18,6 +20,16 @@ def chain_model(arm: Arm) -> pin.Model:
         inertia = pin.Inertia.FromDynamicParameters(arm.inertial_parameters[i])
         model.appendBodyToJoint(i + 1, inertia, pin.SE3.Identity())
     return model
+
+
+def mujoco_torque(model: mujoco.MjModel, *states: Array) -> Array:
+    """MuJoCo's inverse dynamics, (S, J), at positions, velocities and accelerations, (S, J) each."""
+    data = mujoco.MjData(model)
+    torques = []
+    for data.qpos[:], data.qvel[:], data.qacc[:] in zip(*states):
+        mujoco.mj_inverse(model, data)
+        torques.append(data.qfrc_inverse.copy())
+    return np.array(torques)
 
 
 def capsule_geometry(arm: Arm) -> pin.GeometryModel:

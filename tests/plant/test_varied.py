@@ -18,6 +18,7 @@ from sidegan.plant import mujoco_model
 from sidegan.plant.recorded import Sensors, recorded
 from sidegan.plant.varied import RADII, VariedPlant, VariedSettings, lagging
 from sidegan.robot import load_robot
+from tests.oracle import mujoco_torque
 from tests.plant.conftest import motions
 from tests.refusals import refused
 
@@ -61,12 +62,8 @@ def inverse(arm, *states):
     """MuJoCo's own inverse dynamics of an arm's links alone, (B, T, J)."""
     model = mujoco_model(arm)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    data, out = mujoco.MjData(model), np.empty_like(states[0])
-    for at in np.ndindex(out.shape[:2]):
-        data.qpos[:], data.qvel[:], data.qacc[:] = (x[at] for x in states)
-        mujoco.mj_inverse(model, data)
-        out[at] = data.qfrc_inverse
-    return out
+    rows = (x.reshape(-1, arm.joints) for x in states)
+    return mujoco_torque(model, *rows).reshape(states[0].shape)
 
 
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
