@@ -114,7 +114,7 @@ def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSetting
                 f"controllers.start is {settings.start}, expected the positions of {arm.joints} joints, "
                 f"{', '.join(arm.joint_names)}"
             )
-        refuse_degrees(arm, (matrix @ settings.start).tolist(), "controllers.start")
+        refuse_degrees(arm, settings.start, "controllers.start", matrix)
 
 
 def _of_a_run(path: Path) -> bool:

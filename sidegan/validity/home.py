@@ -66,22 +66,25 @@ def rests_at(constraints: Constraints, home: Sequence[float]) -> bool:
     return bool(_least(rooms)[0] > 0)
 
 
-def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
+def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str, coupling: Array | None = None) -> None:
     """Refuse joint positions, (J,), that make sense only in degrees, by a ConfigError with the radians.
 
-    ``setting`` is its name in the command. A wrong number of positions is not checked here.
+    ``setting`` is its name in the command, and ``coupling`` the matrix, (J, J), of joints' positions from
+    those of the setting, if these are others. A wrong number of positions is not checked here.
     """
     if len(positions) != arm.joints:
         return
-    q, lower, upper = np.array(positions, float), arm.position_lower, arm.position_upper
+    coupled = np.eye(arm.joints) if coupling is None else coupling
+    q, lower, upper = coupled @ np.array(positions, float), arm.position_lower, arm.position_upper
     turned = np.where(arm.prismatic, q, np.deg2rad(q))
     beyond = ~arm.prismatic & (np.abs(q) > HOME_TURN) & ((q < lower) | (q > upper))
     if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):
         j = int((np.abs(q) * beyond).argmax())
+        radians = np.linalg.solve(coupled, turned).tolist()
         raise ConfigError(
-            f"{setting_name(setting)} has {float(q[j]):g} for {arm.joint_names[j]}, whose range is "
+            f"{setting_name(setting)} has {float(positions[j]):g} for {arm.joint_names[j]}, whose range is "
             f"{float(lower[j]):.4g} to {float(upper[j]):.4g} rad: are these degrees? In radians they are "
-            f"{suggestion(setting, turned.tolist(), '.4g')}"
+            f"{suggestion(setting, radians, '.4g')}"
         )
 
 

@@ -10,6 +10,7 @@ import sidegan as sg
 from sidegan.errors import ConfigError, InfeasibleError, RecordingError, ShapeError
 from tests.refusals import refused
 
+FROM_HORIZONTAL = {"elbow": {"elbow": 1, "shoulder": -1}}  # as the controller counts the second angle
 # What the message names, commas between, and the call: of a cell, and of a set with a small motion of the
 # shoulder and one beyond its range.
 WRONG = {
@@ -19,6 +20,10 @@ WRONG = {
             lambda cell, it: it[:1].save("set", {"formats": ["urscript"]}),
         ),
         ("careful, 5.0", lambda cell, it: it[:1].save("set", sg.ExportSettings(careful=5.0))),
+        (
+            "start, -30 for elbow, [0.6981, -0.5236]",
+            lambda cell, it: it[:1].save("set", {"start": [40, -30], "coupling": FROM_HORIZONTAL}),
+        ),
         ("rehearse", lambda cell, it: it.save("set", {"rehearse": True})),
         ("speed, 0", lambda cell, it: it.at_speed(0)),
         ("period, 100000", lambda cell, it: it.at_speed(1e-9)),
