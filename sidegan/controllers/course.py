@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 import scipy  # its parts are imported when they are used
@@ -23,7 +24,6 @@ from sidegan.validity.check import require_straight
 # (2π/20)² / 8.
 POINTS = 20
 
-STATES = ("position", "velocity", "acceleration")
 _MET = 1e-4  # largest distance between the end of a course and the start of the next [rad or m]
 # Largest velocity, acceleration and jerk of the quintic from 0 to 1 in unit time that rests at both ends.
 _PEAKS = (15 / 8, 10 / 3**0.5, 60.0)
@@ -38,8 +38,7 @@ _SHORTEST = 0.5  # least duration [s]
 _CLOSER = "move the arm closer to home by hand or with its own planner"
 
 
-@dataclass(frozen=True, eq=False)
-class Course:
+class Course(NamedTuple):
     """A motion of named joints, from rest to rest."""
 
     joint_names: tuple[str, ...]
@@ -61,14 +60,13 @@ class Course:
     def for_controller(self, coupling: Array) -> "Course":
         """This motion in the controller's coordinates, from which ``coupling``, (J, J), makes the joints'."""
         inverse = np.linalg.inv(coupling)
-        return Course(self.joint_names, self.time, *(getattr(self, name) @ inverse.T for name in STATES))
+        return Course(self.joint_names, self.time, *(x @ inverse.T for x in self[2:]))
 
     def sampled(self, rate: float) -> "Course":
         """This motion resampled at a rate [Hz], by quintic interpolation."""
         count = max(1, round(self.duration * rate))
         times = np.linspace(0, self.duration, count + 1)
-        states = np.stack([self.position, self.velocity, self.acceleration], 1)
-        curve = scipy.interpolate.BPoly.from_derivatives(self.time, states)
+        curve = scipy.interpolate.BPoly.from_derivatives(self.time, np.stack(self[2:], 1))
         return Course(self.joint_names, times, *(curve(times, k) for k in range(3)))
 
 

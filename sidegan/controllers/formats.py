@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from sidegan.base.arrays import Array
-from sidegan.controllers.course import STATES, Course
+from sidegan.controllers.course import Course
 
 SHELL = 128 * 1024  # limit of a command-line argument on Linux [bytes]; larger goals need standard input
 SCRIPTED = 6  # joints of every arm that runs URScript, all revolute
@@ -32,7 +32,7 @@ def csv_text(course: Course) -> str:
     These are columns that ``identify`` recognises.
     """
     columns = ["time", *(f"{letter}_{name}" for letter in ("q", "dq", "ddq") for name in course.joint_names)]
-    rows = np.concatenate([course.time[:, None], *(getattr(course, name) for name in STATES)], 1)
+    rows = np.concatenate([course.time[:, None], *course[2:]], 1)
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow(columns)
     np.savetxt(text, rows, _DIGITS, ",")
@@ -52,7 +52,7 @@ def goal_text(course: Course, tolerance: Sequence[float], notes: str = "") -> st
     lines = [f"# {notes}"] if notes else []
     names = yaml.safe_dump([*course.joint_names], default_flow_style=True, width=math.inf, allow_unicode=True)
     lines += ["trajectory:", f"  joint_names: {names.strip()}", "  points:"]
-    states = (getattr(course, name).tolist() for name in STATES)
+    states = (x.tolist() for x in course[2:])
     for time, *values in zip(course.time.tolist(), *states):  # twenty times as fast as PyYAML
         seconds, nanoseconds = divmod(round(time * _SECOND), _SECOND)
         rows = [f"{key}: [{', '.join(f'{x:.9f}' for x in row)}]" for key, row in zip(_KEYS, values)]
@@ -75,7 +75,7 @@ def script_text(course: Course, name: str, tolerance: float, notes: str = "") ->
     distance from the first point at the start [rad]. Notes are a comment in the first line.
     """
     title = re.sub("[^a-zA-Z0-9]", "_", name)
-    states = np.stack([getattr(course, state) for state in STATES], 1)  # (T, 3, J)
+    states = np.stack(course[2:], 1)  # (T, 3, J)
     steps = zip(np.diff(course.time).tolist(), states[1:])
     legs = "\n".join(f"  leg({span:.12f}, {', '.join(map(_list, state))})" for span, state in steps)
     q, dq, ddq = map(_list, states[0])
