@@ -6,11 +6,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import sidegan as sg
-from sidegan.errors import ConfigError
-from tests.refusals import refused
 
 
 def test_every_public_name_exists_at_run_time_and_for_type_checkers():
@@ -45,15 +42,3 @@ def test_a_region_in_millimetres_is_doubted():
     near = {"sphere": {"centre": [0.5, 0, -2], "radius": 0.1}}
     (warning,) = sg.Cell("planar2", workspace={"regions": [near, far]}).warnings
     assert warning.startswith("workspace.regions[1]") and "millimetres" in warning
-
-
-@pytest.mark.parametrize(
-    ("about", "wrong"),
-    [
-        (("tipp", "tip"), {"tipp": "x"}),
-        (("degrees",), {"workspace": {"regions": [{"mesh": {"file": "a.stl", "rpy": [90, 0, 0]}}]}}),
-    ],
-)
-def test_a_wrong_setting_of_a_cell_is_refused(about, wrong):
-    with refused(ConfigError, *about):
-        sg.Cell("planar2", **wrong)

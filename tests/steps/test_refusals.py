@@ -11,6 +11,7 @@ from sidegan.errors import ConfigError, InfeasibleError, RecordingError, ShapeEr
 from tests.refusals import refused
 
 FROM_HORIZONTAL = {"elbow": {"elbow": 1, "shoulder": -1}}  # as the controller counts the second angle
+TURNED = {"regions": [{"mesh": {"file": "a.stl", "rpy": [90, 0, 0]}}]}
 # What the message names, commas between, and the call: of a cell, and of a set with a small motion of the
 # shoulder and one beyond its range.
 WRONG = {
@@ -33,6 +34,8 @@ WRONG = {
         ("folder, None", lambda cell, it: sg.TrajectorySet.load(None, cell)),
         ("planar2, Cell", lambda cell, it: sg.TrajectorySet.load("set", "planar2")),
         ("effort, 3", lambda cell, it: sg.Cell("planar2", effort=3)),
+        ("tipp, tip", lambda cell, it: sg.Cell("planar2", tipp="x")),
+        ("degrees", lambda cell, it: sg.Cell("planar2", workspace=TURNED)),
         ("robot, None", lambda cell, it: sg.Cell(None)),
         ("clearance, -1", lambda cell, it: sg.Cell("planar2", workspace=sg.Workspace(clearance=-1.0))),
         ("planar2, Cell", lambda cell, it: sg.excite("planar2", 1)),
