@@ -284,6 +284,8 @@ def pretrain(
     jobs: list[Job] = [partial(training.train_success, labelled, folder, number(seed, "success"))]
     for name in ("spectrum", "diagonal", "energies"):
         jobs.append(partial(training.train_features, name, labelled, folder, number(seed, name)))
+    with writing(folder):
+        (folder / _CELL).unlink(missing_ok=True)  # of earlier ones, which the new ones replace one by one
     parts = run_jobs("surrogates", jobs, workers, settings.epochs * len(jobs))
     write_json(folder / _CELL, cell.identity())
     return {key: value for part in parts for key, value in part.items()}

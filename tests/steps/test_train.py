@@ -1,5 +1,6 @@
 """Generators and surrogates: what a training follows from, and what it leaves alone."""
 
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
@@ -18,15 +19,16 @@ GENERATOR = {"width": 16, "noise": 8, "batch": 20, "corrections": 1}
 SMALL = {"epochs": 2, "steps": 2, "generator": GENERATOR}
 
 
+VANILLA = {"_target_": "sidegan.gan.variants.Vanilla", "weights": {"adversarial": 1}, **SMALL}
+NETWORKS = {"width": 16, "margin_steps": 8, "feature_steps": 8, "samples": 200, "epochs": 2}
+NETWORKS |= {"negatives": {"vanilla": VANILLA}, "workers": 1}
+
+
 @pytest.fixture(scope="module")
 def surrogates(cell, seeds, tmp_path_factory):
     """Folder of small surrogates, and what ``surrogates`` reports of them."""
     folder = tmp_path_factory.mktemp("surrogates")
-    networks = {"width": 16, "margin_steps": 8, "feature_steps": 8, "samples": 200, "epochs": 2}
-    networks["negatives"] = {
-        "vanilla": {"_target_": "sidegan.gan.variants.Vanilla", "weights": {"adversarial": 1}, **SMALL}
-    }
-    return folder, sg.surrogates(cell, seeds, folder, workers=1, **networks)
+    return folder, sg.surrogates(cell, seeds, folder, **NETWORKS)
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +46,19 @@ def test_surrogates_of_another_cell_are_refused(seeds, surrogates):
     other = sg.Cell("planar2", period=8, home=[0.1, 0], **FREE)
     with refused(ArtifactError, str(surrogates[0]), "trajectory"):
         sg.train("eigen", other, seeds.coefficients, surrogates=surrogates[0], **SMALL)
+
+
+def test_surrogates_count_only_once_all_are_there(cell, seeds, surrogates, tmp_path, monkeypatch):
+    def interrupted(self, name, *_):
+        if name == "energies":
+            raise KeyboardInterrupt
+
+    folder = shutil.copytree(surrogates[0], tmp_path / "again")
+    monkeypatch.setattr("sidegan.gan.pretraining.Pretraining.train_features", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        sg.surrogates(cell, seeds, folder, **NETWORKS)
+    with refused(ArtifactError, str(folder)):
+        sg.train("eigen", cell, seeds, surrogates=folder, **SMALL)
 
 
 def test_a_generator_reloads_and_samples_by_its_seed(cell, generator, tmp_path):
