@@ -171,6 +171,7 @@ def check_recordings(
     """
     require_cell(cell)
     settings = settings_of(RecordingSettings, recording)
+    sign_width = build(Terms, {"sign_width": sign_width}).sign_width
     share = _share(validation)
     gains = _gains(gains)
     with TemporaryDirectory() as folder:
@@ -277,6 +278,8 @@ def _recording(given: object, path: Path) -> Recorded:
         case Files():
             return given
         case str() | Path():
+            if not str(given):
+                raise ConfigError(f"{path.name} is empty text, expected the path of a file")
             return str(given)
         case Mapping():
             frames = {signal: x for signal, x in given.items() if isinstance(x, pd.DataFrame)}
