@@ -40,11 +40,7 @@ def test_a_saved_set_reloads_with_files_for_controllers(cell, excitation, tmp_pa
 def test_a_slower_set_keeps_its_path_and_its_own_family(excitation):
     slow = excitation.at_speed(0.5)
     assert slow.family.period == 16 and slow.valid.all() and len(slow.demands()) == 3
-    path, same = (
-        made.family.derivative(made.coefficients, made.family.times(t), 0)
-        for made, t in ((excitation, 10), (slow, 5))
-    )
-    np.testing.assert_allclose(path, same, atol=1e-9)
+    np.testing.assert_allclose(slow.motion(5).position, excitation.motion(10).position, atol=1e-9)
     own = sg.Cell("planar2", period=16, **FREE)
     assert slow.warnings == sg.TrajectorySet.of(own, slow.coefficients).warnings
 
