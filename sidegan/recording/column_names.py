@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
-from sidegan.recording.units import SPELT_TIMES, without_unit
+from sidegan.recording.units import SECONDS, without_unit
 
 _CALLED = {
     "position": ["q", "qpos", "pos", "position", "positions", "angle", "angles"],
@@ -27,8 +27,7 @@ _OTHERS = {  # words of set points, contact estimates, and quantities not measur
 _COMMANDED = {"des", "desired", "target", "cmd", "command", "commands", "commanded"}
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "datetime"}
 _SPANS = {"cycle", "execution", "computation", "delta", "start", "end"}  # times that are not time stamps
-_SECONDS, _NANOSECONDS = {"s", "sec", "secs", "seconds"}, {"ns", "nsec", "nsecs", "nanosec", "nanosecs"}
-_KNOWN = {*_WORDS, *_OTHERS, *_TIMES, *_SPANS, *SPELT_TIMES}
+_KNOWN = {*_WORDS, *_OTHERS, *_TIMES, *_SPANS, *SECONDS}
 
 
 @dataclass(frozen=True)
@@ -130,7 +129,7 @@ def stamps_of(available: Sequence[str]) -> list[str]:
     """Columns of time stamps, those with the fewest words in their names."""
     ranked = []
     for column in available:
-        words = [word for word in _words(column) if word not in SPELT_TIMES]
+        words = [word for word in _words(column) if word not in SECONDS]
         if words and words[-1] in _TIMES and not _SPANS & {*words} and not re.search(r"\d", column):
             ranked.append((len(words), column))
     return [column for words, column in ranked if words == min(ranked)[0]]
@@ -138,8 +137,8 @@ def stamps_of(available: Sequence[str]) -> list[str]:
 
 def is_split(stamps: Sequence[str]) -> bool:
     """Whether stamps are split into a column of seconds and one of nanoseconds."""
-    units = [SPELT_TIMES & {*_words(column)} for column in stamps]
-    return len(stamps) == 2 and bool(units[0] & _SECONDS) and bool(units[1] & _NANOSECONDS)
+    units = [{SECONDS.get(word) for word in _words(column)} for column in stamps]
+    return len(stamps) == 2 and 1.0 in units[0] and 1e-9 in units[1]
 
 
 def own_names(available: Sequence[str], signal: str, count: int) -> list[str]:

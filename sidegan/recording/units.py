@@ -16,12 +16,11 @@ from sidegan.errors import RecordingError
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
 _POUND, _KILOGRAM = 4.4482216152605, 9.80665  # [N] weights
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of a unit of time
-_TIMES = {
-    "s": ("s", "sec", "secs", "second", "seconds"),
-    "ms": ("ms", "msec", "msecs", "millis", "milliseconds"),
-    "us": ("us", "µs", "μs", "usec", "usecs", "micros", "microseconds"),
-    "ns": ("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanos", "nanoseconds"),
+SECONDS = {  # in a unit of time
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanos", "nanoseconds"), 1e-9),
 }
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
 _FORCES = {
@@ -32,7 +31,7 @@ _FORCES = {
 }
 _PAIRS = [(f, d, _FORCES[f] * _LENGTHS[d]) for f, d in product(_FORCES, _LENGTHS)]
 _UNITS = {  # factors to SI units, whose unit is the first; lower-case letters only, without "per second"
-    "time": {word: SECONDS[unit] for unit, words in _TIMES.items() for word in words},
+    "time": SECONDS,
     "angle": {
         **{"rad": 1.0, "mrad": 1e-3, "mdeg": _DEGREE / 1e3, "gon": _TURN / 400, "rpm": _TURN / 60},
         **dict.fromkeys(("deg", "degs", "degree", "degrees", "°", "dps"), _DEGREE),
@@ -48,7 +47,6 @@ _EXAMPLES = {  # for people
     "torque": "N·m, mNm, N·cm, kN·m, kgf·m, lbf·ft, lbf·in, oz·in",
     "current": "A, mA",
 }
-SPELT_TIMES = frozenset(_UNITS["time"])
 _WORDS = {*_FORCES, *(word for words in _UNITS.values() for word in words)}
 # words that are units without brackets, too; names of joints may end in rev or turn
 _SHORT = {"m", "mm", "cm", "n", "nm", "a", "ma", "ms", "us", "µs", "μs", "ns", "°"}
