@@ -182,8 +182,9 @@ def hdf5_table(path: Path) -> Table:
     arrays: dict[str, Any] = {}
 
     def keep(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and 0 < item.ndim <= 3 and item.dtype.kind in "fi":
-            arrays[name.replace("/", ".")] = item[...]
+        if isinstance(item, h5py.Dataset) and 0 < item.ndim <= 3:
+            if item.dtype.kind in ("fiu" if item.ndim < 3 else "fi"):  # unsigned ones may be images
+                arrays[name.replace("/", ".")] = item[...]
 
     with h5py.File(path) as file:
         file.visititems(keep)

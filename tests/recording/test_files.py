@@ -189,6 +189,12 @@ def test_time_stamps_are_recognised(made, tmp_path, kind, write):
     assert "".join(found.remarks).startswith(f"time stamps are {kind} since 1970") == kind.endswith("seconds")
 
 
+def test_unsigned_stamps_of_an_hdf5_file_are_read(made, tmp_path):
+    stamps = since_1970(made, 1e9).astype(np.uint64)
+    write_hdf5(tmp_path / "a.h5", t=stamps, q=made.position, tau=made.torque)
+    assert_same(load_recording(tmp_path / "a.h5", of_file(), JOINTS), made, start=EPOCH)
+
+
 @pytest.mark.parametrize("named", [True, False])
 def test_an_index_holds_the_time_stamps(made, tmp_path, named):
     indexed = table(made).set_index("t") if named else table(made, t=None).set_index(dates(made))
