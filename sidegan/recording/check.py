@@ -1,6 +1,7 @@
 """Check of a recording against the arm's description, and its preprocessing."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,9 +41,10 @@ def check_recording(
     if doubt := refusals.doubt_of_units(statistics, arm, settings.units):
         if (recording.position % 1).any():  # no counts: torques may tell the unit
             plain = replace(recording, velocity=None, acceleration=None)  # which may be in any unit, too
-            rough = preprocess(plain, settings, gains, sign_width)
-            better = agreement_of(body, rough, settings).positions
-            doubt = better.text if better and better.text not in doubt else doubt
+            with suppress(RecordingError):  # in the wrong unit, nothing may seem to move
+                rough = preprocess(plain, settings, gains, sign_width)
+                better = agreement_of(body, rough, settings).positions
+                doubt = better.text if better and better.text not in doubt else doubt
         raise RecordingError(f"{recording.name}: {doubt}")
     refusals.refuse_idle(statistics, arm, settings.without)
     refusals.refuse_jumps(recording, arm, statistics.gap)

@@ -228,10 +228,12 @@ def check(recording, arm=PLANAR, gains=None, **changes):
 
 
 DEGREES, TWO = 180 / math.pi, (2.0, 2.0)
+IN_DEGREES = {"units": {"angle": "deg"}}
 CHECKED = {  # what was changed, how it is checked, and what the message names
     "degrees": (scaled("position", DEGREES), {}, "recording.units.angle=deg"),
     "degrees in a turn": (within_a_turn, {}, "recording.units.angle=deg"),
-    "radians": (scaled("position", 1 / DEGREES), {"units": {"angle": "deg"}}, "recording.units.angle=rad"),
+    "radians": (scaled("position", 1 / DEGREES), IN_DEGREES, "recording.units.angle=rad"),
+    "slow radians": (scaled("position", 0.1 / DEGREES), IN_DEGREES, "recording.units.angle=rad"),
     "rates in degrees": (scaled("velocity", DEGREES), {}, "velocity degrees"),
     "milliseconds": (scaled("time", 1e3), {}, "recording.units.time=ms"),
     "nanoseconds": (scaled("time", 1e9), {}, "recording.units.time=ns"),
