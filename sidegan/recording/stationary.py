@@ -22,7 +22,7 @@ def chain_joints(arm: Arm) -> dict[str, bool]:
     if not arm.setup.locked:
         return dict(zip(arm.joint_names, arm.prismatic.tolist()))
     tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
-    wanted = {*arm.joint_names, *arm.setup.locked}
+    wanted = [*arm.joint_names, *arm.setup.locked]
     paths = [tree.path(tree.joints[name].child) for name in wanted]
     last = tree.joints[arm.joint_names[-1]]
     longest = max((path for path in paths if last in path), key=len)

@@ -134,6 +134,14 @@ def test_a_joint_without_torque_is_locked_at_its_position(recording, tmp_path, p
         stationary_positions(planar, [path], of_file(without=["elbow"]))
 
 
+def test_of_locked_fingers_the_first_belongs_to_the_chain(tmp_path):
+    fingers = [f"finger{k}" for k in range(5)]
+    parts = [part for name in fingers for part in (link(f"{name}tip"), joint(name, "upper", f"{name}tip"))]
+    (tmp_path / "a.urdf").write_text(more(two_joints(), *parts))
+    arm = load_robot(str(tmp_path / "a.urdf"), Setup(locked=dict.fromkeys(fingers, 0.1)))
+    assert [*chain_joints(arm)] == ["first", "second", "finger0"]
+
+
 def test_a_locked_rail_may_be_recorded_in_millimetres(recording, tmp_path):
     text = more(two_joints(), link("rail"), joint("slide", "rail", "base", kind="prismatic"))
     (tmp_path / "a.urdf").write_text(text)
