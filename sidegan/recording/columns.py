@@ -98,7 +98,7 @@ class Finder:
         patterns: dict[str, str] = {}
         guessed = []
         for signal in [self.only] if self.only else SIGNALS:
-            for pattern in filter(None, (getattr(self.settings, signal) or "").split("|")):
+            for pattern in self.settings.patterns(signal):
                 columns, found = self._called(signal) if pattern == AUTO else self._set(pattern)
                 if columns:
                     where[signal], patterns[signal] = columns, found
@@ -107,8 +107,7 @@ class Finder:
             else:
                 self._refuse_missing(signal)
         remarks = []
-        automatic = AUTO in (self.settings.torque or "").split("|")
-        if automatic and any(map(is_commanded, where.get("torque", ()))):
+        if AUTO in self.settings.patterns("torque") and any(map(is_commanded, where.get("torque", ()))):
             remarks.append(
                 f"torques are commanded ones, {listed(where['torque'])}, since none are measured: they lack "
                 "what the drives' controllers add"
@@ -240,19 +239,19 @@ class Finder:
         has = f"the arm has {counted(self.count, 'joint')}"
         unused = f"not used: {listed(left)}; "
         zero = {s: p for s, p in patterns.items() if lefts[s] and "{index0}" in p}
-        if not self.ambiguous or AUTO not in self.settings.position.split("|") or not zero:
+        if not self.ambiguous or AUTO not in self.settings.patterns("position") or not zero:
             return [unused + has]
         other = " ".join(_typed(s, p.replace("{index0}", "{index}")) for s, p in zero.items())
         return [f"{unused}joints are counted from 0, and {has}; if the first joint is number 1: {other}"]
 
     def _refuse_missing(self, signal: str) -> None:
         """Raise if a signal is required, or present for at least half of the joints but not for all."""
-        patterns = (getattr(self.settings, signal) or "").split("|")
+        patterns = self.settings.patterns(signal)
         series = self._candidates(signal) if AUTO in patterns else []
         ways = [self._of(s, self.numbering) for s in series]
         nearest, pattern = max(ways, key=lambda way: len(way[0]), default=((), ""))
-        optional = AUTO in patterns and not self.only and signal != "position"
-        if patterns == [""] or (optional and len(nearest) * 2 < self.count):
+        optional = (not patterns or AUTO in patterns) and not self.only and signal != "position"
+        if optional and len(nearest) * 2 < self.count:
             return
         if not nearest and (by := next(filter(_JOINT.fullmatch, self.available), None)):
             raise RecordingError(

@@ -65,6 +65,10 @@ class RecordingSettings:
                     f"{signal} is {pattern!r}, expected only {{joint}}, {{index}} and {{index0}} in braces"
                 )
 
+    def patterns(self, signal: str) -> list[str]:
+        """Patterns of a signal's columns, to be tried in turn; none if it is not to be read."""
+        return [*filter(None, (getattr(self, signal) or "").split("|"))]
+
     def motion_matrix(self, joint_names: Sequence[str]) -> Array:
         """The matrix C, (J, J), of positions, velocities and accelerations: q = C q_recorded."""
         return coupling_matrix("recording.coupling", self.coupling, joint_names)

@@ -98,6 +98,7 @@ FILES = {  # how a file is written, how it is read, and what the message names
     "a suffix": (lambda made, to: files.write_csv(made, to).rename(to / "a.xls"), {}, ".xls .csv"),
     "too few joints named": (files.written(), {"joints": ["a"]}, "recording.joints"),
     "a blank column": (assigned("q2", lambda _: np.nan), {}, "a.csv q2"),
+    "no pattern": (files.write_csv, {"position": ""}, "'position_1'"),
     "no position of a joint": (without("q2"), {}, "a.csv 'q2'"),
     "positions of many more": (twice(q3="q1", q4="q1", q5="q2"), {}, 'recording.position="q{index}"'),
     "no torque of a joint": (without("tau2"), {}, "'tau2' recording.without"),
