@@ -154,12 +154,10 @@ class Agreement(NamedTuple):
         if not against.any():
             return None
         names, remedy = arm.named(against), to_reverse(arm, against, self.settings.reverse)
+        question = ": is its sign wrong?"
         if self.convention:
-            return (
-                f"the torque of {names} runs against the description, as far as the motion shows: does the "
-                f"driver count torques the other way? {remedy}"
-            )
-        return f"the torque of {names} runs against the description: is its sign wrong? {remedy}"
+            question = ", as far as the motion shows: does the driver count torques the other way?"
+        return f"the torque of {names} runs against the description{question} {remedy}"
 
     def exchanged(self, arm: Arm) -> str | None:
         """Warning about joints whose torques or motions look swapped or reversed; None if there are none."""
@@ -233,7 +231,7 @@ def _pace(body: RigidBody, *states: Array) -> float:
     q, v, a, torque = subset(states, _FEW)
 
     def at(pace: float) -> float:
-        return misfit(body, (q, pace * v, pace**2 * a), torque)
+        return misfit(body, q, pace * v, pace**2 * a, torque)
 
     best = scipy.optimize.minimize_scalar(lambda x: at(math.exp(x)), bounds=_PACES, options={"xatol": 1e-2})
     pace = math.exp(best.x)
@@ -267,7 +265,7 @@ def _columns(body: RigidBody, positions: Map | None, *signals: Array) -> list[in
     best = min(orders, key=misfit_by_order(body, *subset(signals, _SKETCH)))
     gain = sum(j != k for j, k in enumerate(best)) * math.log(thresholds.EXPLAINED_BY_MAP)
     for x in halves_of(subset(signals, _FEW)):
-        other = misfit(body, *(positions.of(*x) if positions else (x[:3], x[3])))
+        other = misfit(body, *(positions.of(*x) if positions else x))
         ordered = misfit_by_order(body, *x)(best)
         if not (gain and ordered < min(other + gain, body.joints * math.log(thresholds.LEFT_BY_MAP))):
             return None

@@ -34,10 +34,10 @@ class Map(NamedTuple):
     text: str  # ends with the setting or change of the file that makes it so
     torque: Array | None = None  # of the joints' torques from recorded ones, (J, J); None: as recorded
 
-    def of(self, q: Array, v: Array, a: Array, torque: Array) -> tuple[tuple[Array, Array, Array], Array]:
-        """Positions, velocities and accelerations, and torques, (S, J) each, of recorded ones."""
-        motion = q @ self.matrix.T + self.zero, v @ self.matrix.T, a @ self.matrix.T
-        return motion, torque if self.torque is None else torque @ self.torque.T
+    def of(self, q: Array, v: Array, a: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
+        """Positions, velocities, accelerations and torques, (S, J) each, of recorded ones."""
+        torque = torque if self.torque is None else torque @ self.torque.T
+        return q @ self.matrix.T + self.zero, v @ self.matrix.T, a @ self.matrix.T, torque
 
 
 def _units(arm: Arm, units: Units) -> Iterator[Map]:
@@ -111,7 +111,7 @@ def positions_behind(
             best = factors
     better, like = 2 * math.log(thresholds.EXPLAINED_BY_MAP), joints * math.log(thresholds.LEFT_BY_MAP)
     for part in halves_of(subset(signals, _HALVES)):
-        before = min(misfit(body, part[:3], part[3]), joints * math.log(left))
+        before = min(misfit(body, *part), joints * math.log(left))
         if misfit(body, *best.of(*part)) > min(before + better, like):
             return None
     return best

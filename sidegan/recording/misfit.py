@@ -45,9 +45,9 @@ def share_left(described: Array, measured: Array) -> Array:
     return np.maximum(1 - np.square(cosine), NEGLIGIBLE)
 
 
-def misfit(body: RigidBody, motion: Sequence[Array], torque: Array) -> float:
-    """Sum over joints of the logarithm of the unexplained share of torques in a motion, (S, J) each."""
-    return misfit_by_order(body, *motion, torque)([*range(body.joints)])
+def misfit(body: RigidBody, *signals: Array) -> float:
+    """Sum over joints of the logarithm of the unexplained share of torques; see ``misfit_by_order``."""
+    return misfit_by_order(body, *signals)([*range(body.joints)])
 
 
 def misfit_by_order(body: RigidBody, *signals: Array) -> Callable[[list[int]], float]:
