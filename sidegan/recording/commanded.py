@@ -58,6 +58,8 @@ class Repeated:
 
 def commanded_files(path: Path) -> list[Path]:
     """Tables of the commanded trajectories: one file, or those of a folder, a run, or the only run in it."""
+    if path.is_file():
+        return [path]
     runs = sorted(path.glob(f"*/{FOLDER}"))
     if len(runs) > 1:
         listed = "\n".join(f"  {suggestion('recording.sent', str(run.parent))}" for run in runs)
@@ -65,8 +67,7 @@ def commanded_files(path: Path) -> list[Path]:
             f"{path} has {len(runs)} runs of excite, expected the one that was sent:\n{listed}"
         )
     folder = runs[0] if runs else path / FOLDER if (path / FOLDER).is_dir() else path
-    files = [folder] if folder.is_file() else sorted(folder.glob("*.csv"), key=lambda csv: csv.stem.zfill(9))
-    files = [file for file in files if folder.is_file() or file.stem.isdigit()]
+    files = sorted((x for x in folder.glob("*.csv") if x.stem.isdecimal()), key=lambda csv: int(csv.stem))
     if not files:
         raise RecordingError(
             f"recording.sent is {path}, expected a table written by excite or the folder of its run"
@@ -97,28 +98,26 @@ def average_repetitions(
 
     Repetitions that contain a gap [s] are left out.
     """
-    fresh = np.append(True, np.diff(recording.time) > 0)
-    time = recording.time[fresh]
-    signals = {name: x[fresh] for name, x in recording.signals().items()}
-    starts = _starts(time, signals["position"], sent, gap)
+    recording = recording.take(np.append(True, np.diff(recording.time) > 0))
+    time, position = recording.time, recording.position
+    starts = _starts(time, position, sent, gap)
     if not starts:
         raise RecordingError(
             f"{recording.name} contains none of the commanded trajectories ({len(sent)} sent); "
             "were they executed at another speed, or is recording.sent from another run?"
         )
     step = float(np.median(np.diff(time)))
-    names = recording.joint_names
-    curves = {name: scipy.interpolate.PchipInterpolator(time, x) for name, x in signals.items()}
-    random = np.random.default_rng(0).standard_normal(signals["position"].shape)
+    curves = {name: scipy.interpolate.PchipInterpolator(time, x) for name, x in recording.signals().items()}
+    random = np.random.default_rng(0).standard_normal(position.shape)
     white = scipy.interpolate.PchipInterpolator(time, random)
     found = []
-    squares = np.zeros(len(names))  # of the deviations between repetitions
+    squares = np.zeros(position.shape[1])  # of the deviations between repetitions
     free = 0  # degrees of freedom of these
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
         repeats = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
         means: dict[str, Any] = {name: x.mean(0) for name, x in repeats.items()}
-        found.append(Recording(recording.name, names, grid + begins[0], **means))
+        found.append(Recording(recording.name, recording.joint_names, grid + begins[0], **means))
         if len(begins) > 1:
             # interpolation attenuates noise; interpolating white noise shows by how much
             left = np.mean([white(grid + start) ** 2 for start in begins])

@@ -38,9 +38,6 @@ def refuse_elsewhere(arm: Arm, recordings: Iterable[Recorded], settings: Recordi
     """Refuse recordings in which a locked joint of the chain is not where it is locked.
 
     Only of those with the positions of locked joints, which most lack.
-
-    Raises:
-        RecordingError: with the place of the joint.
     """
     chain = chain_joints(arm)
     locked = {k: name for k, name in enumerate(chain) if name not in (*arm.joint_names, *settings.without)}

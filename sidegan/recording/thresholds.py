@@ -32,9 +32,7 @@ GAP_PERIODS = 0.25  # periods of the cut-off that are interpolated over: the low
 MOVED = 0.02  # [rad or m] range of a joint's positions below which it stands still, but for its encoder
 FAR_ANGLE = 1.5  # times a joint limit, from which angles are hardly in radians
 ANY_ANGLE = 2.1 * math.pi  # [rad] a turn: plausible whatever the limits
-LEAST_ANGLE = (
-    math.pi**2 / 90
-)  # [rad] a turn whose radians were taken for degrees: a smaller range is no motion
+LEAST_ANGLE = math.pi**2 / 90  # [rad] a turn whose radians were taken for degrees: less is no motion
 FAR_LENGTH = 5.0  # times a prismatic joint's limit, from which lengths are hardly in metres
 USED_LENGTH = 0.1  # share of its range through which a prismatic joint in use moves at least
 FAR_COUNTS = 10.0  # times a joint limit, from which positions are hardly in any unit of angle
