@@ -6,8 +6,12 @@ import pytest
 
 from sidegan.base.typed import build
 from sidegan.motion.dynamics import RigidBody
+from sidegan.recording.check import check_recording
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
+from sidegan.robot import load_robot
+
+PLANAR = load_robot("planar2")
 
 
 @pytest.fixture(autouse=True)
@@ -25,8 +29,13 @@ def real(name):
 
 
 def of_file(**changes):
-    """Settings of a CSV file with a column per joint and signal."""
+    """Settings of recordings with changes."""
     return build(RecordingSettings, changes)
+
+
+def check(recording, arm=PLANAR, gains=None, **changes):
+    """A recording that is checked with changed settings."""
+    return check_recording(recording, arm, of_file(**changes), gains)
 
 
 def states(time, joints=2):

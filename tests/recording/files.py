@@ -34,12 +34,15 @@ def named(recording, time="t", q="q{n}", tau="tau{n}", **more):
     return table(recording).set_axis([time, *columns_of(q), *columns_of(tau)], axis=1).assign(**more)
 
 
-def read(folder, table, joints=JOINTS, sliding=(), **changes):
+def load(files, names=JOINTS, chain=None, **changes):
+    """A recording of joints with these names, as it is read from files with changed settings."""
+    return load_recording(files, of_file(**changes), names, chain)
+
+
+def read(folder, table, names=JOINTS, sliding=(), **changes):
     """A table as it is read from a file."""
     table.to_csv(folder / "a.csv", index=False)
-    return load_recording(
-        folder / "a.csv", of_file(**changes), joints, {name: name in sliding for name in joints}
-    )
+    return load(folder / "a.csv", names, {name: name in sliding for name in names}, **changes)
 
 
 def assert_same(found, made, signals=("position", "torque"), start=0, late=2e-6):

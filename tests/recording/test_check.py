@@ -13,7 +13,6 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
 from sidegan.recording.agreement import to_reverse
-from sidegan.recording.check import check_recording
 from sidegan.recording.checked import hold_out
 from sidegan.recording.delay import Delay, delay_of, pool_delays
 from sidegan.recording.gravity import load_of
@@ -21,13 +20,13 @@ from sidegan.recording.read import read_and_check
 from sidegan.recording.recording import Recording
 from sidegan.robot import Limits, Setup, load_robot
 from tests.chains import random_states
-from tests.recording.conftest import moved, of_file, recorded
+from tests.recording.conftest import PLANAR, check, moved, of_file, recorded
 from tests.recording.files import frame
 from tests.refusals import refused
 
 
-def test_a_good_recording_has_no_warnings(planar, recording):
-    checked = check_recording(recording, planar, of_file())
+def test_a_good_recording_has_no_warnings(recording):
+    checked = check(recording)
     assert not checked.warnings
     assert (checked.agreement.sign > 0.9).all()
     assert checked.derived == ["acceleration"]
@@ -35,19 +34,14 @@ def test_a_good_recording_has_no_warnings(planar, recording):
     json.dumps(checked.as_json(), allow_nan=False)
 
 
-def test_drive_gains_that_torques_do_not_use_are_reported(planar, recording):
-    (warning,) = check_recording(recording, planar, of_file(), gains=(2.0, 2.0)).warnings
-    assert "robot.gains" in warning and "recording.effort=current" in warning
-
-
-def test_raised_effort_limits_accept_torques_in_a_suspicious_unit(planar, recording):
+def test_raised_effort_limits_accept_torques_in_a_suspicious_unit(recording):
     """With the limits that the refusal names."""
     wrong = replace(recording, torque=1e3 * recording.torque)
     with refused(RecordingError, "recording.units.torque=mNm") as error:
-        check_recording(wrong, planar, of_file())
+        check(wrong)
     limits = re.findall(r"(\w+): (\d+)", str(error.value).partition("robot.limits.effort={")[2])
     strong = load_robot("planar2", Setup(limits=Limits(effort={name: float(x) for name, x in limits})))
-    assert check_recording(wrong, strong, of_file()).kept
+    assert check(wrong, strong).kept
 
 
 WRONG = [  # a rate, what is recorded in its place from a velocity at 100 Hz, and what the remark says
@@ -64,9 +58,9 @@ WRONG = [  # a rate, what is recorded in its place from a velocity at 100 Hz, an
 
 
 @pytest.mark.parametrize(("rate", "change", "words"), WRONG)
-def test_an_inconsistent_rate_is_discarded(planar, recording, rate, change, words):
+def test_an_inconsistent_rate_is_discarded(recording, rate, change, words):
     signals = change(recording.velocity), None
-    checked, alone = (check_recording(replace(recording, **{rate: x}), planar, of_file()) for x in signals)
+    checked, alone = (check(replace(recording, **{rate: x})) for x in signals)
     assert [*checked.remarks] == [rate] and all(word in checked.remarks[rate] for word in words)
     assert rate in checked.derived and checked.derived == alone.derived
     for found, derived in zip(checked.segments, alone.segments):
@@ -74,24 +68,24 @@ def test_an_inconsistent_rate_is_discarded(planar, recording, rate, change, word
 
 
 @pytest.mark.parametrize(("lag", "when"), [(0.04, "40 ms later"), (-0.02, "20 ms earlier"), (0.004, "")])
-def test_a_velocity_at_another_time_is_discarded(planar, recording, lag, when):
+def test_a_velocity_at_another_time_is_discarded(recording, lag, when):
     late = np.stack([np.interp(recording.time - lag, recording.time, x) for x in recording.velocity.T], 1)
-    remarks = check_recording(replace(recording, velocity=late), planar, of_file()).remarks
+    remarks = check(replace(recording, velocity=late)).remarks
     if when:
         assert f"{when} than the derivative of the position" in remarks["velocity"]
     else:
         assert remarks == {}
 
 
-def test_a_noisy_velocity_signal_is_kept(planar, recording):
+def test_a_noisy_velocity_signal_is_kept(recording):
     noise = np.random.default_rng(0).standard_normal((2, *recording.position.shape))
     noisy = replace(recording, position=recording.position + 0.02 * noise[0])
     loud = replace(recording, velocity=recording.velocity + 0.5 * noise[1])
     for changed in (noisy, loud):
-        assert check_recording(changed, planar, of_file()).remarks == {}
+        assert check(changed).remarks == {}
 
 
-def test_a_frozen_torque_sensor_is_reported(planar, recording):
+def test_a_frozen_torque_sensor_is_reported(recording):
     stuck = recording.torque.copy()
     stuck[600:1900, 1] = stuck[600, 1]
     frozen = replace(recording, torque=stuck)
@@ -101,7 +95,7 @@ def test_a_frozen_torque_sensor_is_reported(planar, recording):
     still = replace(recording, torque=stuck, position=held, velocity=None)
     rows = [k for k in range(2000) if not 600 <= k < 1900]
     warnings, *others = (
-        [w for w in check_recording(changed, planar, of_file()).warnings if "is frozen" in w]
+        [w for w in check(changed).warnings if "is frozen" in w]
         for changed in (frozen, still, frozen.take(rows))
     )
     assert "the torque of elbow is frozen from 6.00 s to 18.99 s, although the joint moves" in warnings[0]
@@ -110,7 +104,7 @@ def test_a_frozen_torque_sensor_is_reported(planar, recording):
 
 def test_the_end_of_a_recording_is_held_out_for_validation(planar, clock):
     time = clock + 3.0 * (np.arange(len(clock)) >= 900)
-    checked = check_recording(recorded(planar, time), planar, of_file())
+    checked = check(recorded(planar, time))
     first, last = hold_out(checked, 0.3)
     assert first.name == "made, first 70%" and last.name == "made, last 30%"
     assert abs(last.kept - 0.3 * checked.kept) <= 1
@@ -123,11 +117,11 @@ def test_the_end_of_a_recording_is_held_out_for_validation(planar, clock):
         np.testing.assert_allclose(end.torque[-1:], same)
 
 
-def late(arm, delay, noise=0.02, seconds=30):
+def late(delay, noise=0.02, seconds=30):
     """A recording at 200 Hz with delayed torques."""
     time = np.arange(seconds * 200) / 200
     first, second = (
-        moved(arm, t, 2.0, 1.0, np.random.default_rng(3), noise=noise) for t in (time, time - delay)
+        moved(PLANAR, t, 2.0, 1.0, np.random.default_rng(3), noise=noise) for t in (time, time - delay)
     )
     return replace(first, torque=second.torque)
 
@@ -135,7 +129,7 @@ def late(arm, delay, noise=0.02, seconds=30):
 @pytest.mark.parametrize("delay", [-0.2, -0.015, 0.0, 0.003, 0.03, 0.85])
 def test_a_torque_delay_is_estimated_within_its_standard_deviation(planar, delay):
     wrong = replace(planar, inertial_parameters=1.7 * planar.inertial_parameters)
-    checked = check_recording(late(planar, delay), wrong, of_file())
+    checked = check(late(delay), wrong)
     found, warnings = checked.delay, "; ".join(checked.warnings)
     assert found.seconds == pytest.approx(delay, abs=4 * found.deviation)
     assert found.deviation < 1e-3 and found.believed == (delay != 0)
@@ -152,7 +146,7 @@ def test_friction_that_leads_the_velocity_is_not_mistaken_for_a_delay(planar):
         c = 0.3 * np.random.default_rng(seed).standard_normal((2, 2, 4, 2))
         found = plant.execute(family.roll_out(c, family.times(plant.settings.rate)), seed=0, noise=0.02)
         made = Recording("made", planar.joint_names, found.time, *found[1:3], torque=found.torque)
-        checked = check_recording(made, planar, of_file())
+        checked = check(made)
         near = delay_of(RigidBody(planar), checked.segments)
         assert abs(checked.delay.seconds) < min(1e-3, -near.seconds / 3)  # [s]
         believed.append(near.believed and near.seconds < -2e-3)
@@ -161,22 +155,22 @@ def test_friction_that_leads_the_velocity_is_not_mistaken_for_a_delay(planar):
 
 @pytest.mark.parametrize("delay", [0.0, 0.01])
 def test_friction_that_grows_with_the_load_is_not_mistaken_for_a_delay(planar, delay):
-    made = late(planar, 0.0)
+    made = late(0.0)
     q, dq = made.position, made.velocity
     load = np.abs(RigidBody(planar).torque(q, dq, np.gradient(dq, 0.005, axis=0)))
     torque = made.torque + 0.3 * load * np.tanh(dq / 0.03)
     later = np.roll(torque, round(200 * delay), axis=0)
-    found = check_recording(replace(made, torque=later), planar, of_file()).delay
+    found = check(replace(made, torque=later)).delay
     assert found.seconds == pytest.approx(delay, abs=4 * found.deviation) and found.deviation < 1e-3
 
 
-def test_torques_more_than_a_second_late_are_left_as_they_are(planar):
-    lost = check_recording(late(planar, 1.3, seconds=15), planar, of_file(delay=None))
+def test_torques_more_than_a_second_late_are_left_as_they_are():
+    lost = check(late(1.3, seconds=15), delay=None)
     assert not lost.corrected and "more than 1 s later" in lost.late
 
 
-def test_a_delay_that_noise_drowns_is_not_corrected(planar):
-    drowned = check_recording(late(planar, 0.0, noise=30.0, seconds=10), planar, of_file(delay=None))
+def test_a_delay_that_noise_drowns_is_not_corrected():
+    drowned = check(late(0.0, noise=30.0, seconds=10), delay=None)
     assert not drowned.corrected and not drowned.delay.believed
 
 
@@ -185,7 +179,7 @@ def test_a_delay_in_noise_has_its_deviation(planar):
     time, errors = np.arange(15 * 200) / 200, []
     for seed in range(20):
         made = moved(planar, time, 2.0, 1.0, np.random.default_rng(seed), noise=0.3)
-        found = delay_of(RigidBody(planar), check_recording(made, planar, of_file()).segments)
+        found = delay_of(RigidBody(planar), check(made).segments)
         errors.append(found.seconds / found.deviation)
     assert np.square(errors).mean() < 2
 
@@ -195,7 +189,7 @@ def test_torques_of_another_motion_seldom_have_a_delay(planar):
     time, undetermined, corrected = np.arange(15 * 200) / 200, [], []
     for seed in range(12):
         motion, other = (moved(planar, time, 2.0, 1.0, np.random.default_rng(k)) for k in (seed, 100 + seed))
-        checked = check_recording(replace(motion, torque=other.torque), planar, of_file(delay=None))
+        checked = check(replace(motion, torque=other.torque), delay=None)
         corrected.append(checked.corrected)
         undetermined.append(math.isinf(checked.delay.deviation))
         json.dumps(checked.as_json(), allow_nan=False)
@@ -203,10 +197,7 @@ def test_torques_of_another_motion_seldom_have_a_delay(planar):
 
 
 def test_a_delay_is_left_measured_and_removed_or_removed_as_given(planar):
-    left, better, given, wrong = (
-        check_recording(late(planar, 0.018), planar, of_file(delay=delay))
-        for delay in (0.0, None, 0.018, -0.071)
-    )
+    left, better, given, wrong = (check(late(0.018), delay=delay) for delay in (0.0, None, 0.018, -0.071))
     assert "recording.delay=null" in left.statements[-1] and not left.corrected
     assert better.corrected and better.delay.believed
     assert given.delay == Delay(0.018, given=True) and not given.warnings

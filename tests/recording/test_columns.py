@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from sidegan.errors import RecordingError
-from sidegan.recording.check import check_recording
 from sidegan.recording.units import Units
-from tests.recording.conftest import of_file, recorded
+from tests.recording.conftest import check, recorded
 from tests.recording.files import JOINTS, assert_same, columns_of, named, read, table
 from tests.refusals import refused
 
@@ -118,6 +117,6 @@ def test_a_prismatic_joint_in_the_wrong_unit_is_refused(planar, clock, unit, fac
     sliding = replace(planar, prismatic=slides, position_lower=lower, position_upper=upper)
     made = recorded(sliding, clock, ("position", "torque"))
     wrong = replace(made, position=made.position * [1.0, factor])
-    assert not any("unit" in warning for warning in check_recording(made, sliding, of_file()).warnings)
+    assert not any("unit" in warning for warning in check(made, sliding).warnings)
     with refused(RecordingError, "elbow", f"(recording.units.length={other})"):
-        check_recording(wrong, sliding, of_file(units={"length": unit}))
+        check(wrong, sliding, units={"length": unit})

@@ -11,10 +11,9 @@ from sidegan.controllers.formats import csv_text
 from sidegan.errors import RecordingError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
-from sidegan.recording.check import check_recording
 from sidegan.recording.commanded import average_repetitions, load_commanded
 from sidegan.recording.recording import Recording
-from tests.recording.conftest import of_file
+from tests.recording.conftest import check
 from tests.refusals import refused
 
 FAMILY = Trajectory(2, harmonics=4, period=8.0)
@@ -83,7 +82,7 @@ def test_a_repetition_with_a_gap_is_not_counted(planar, true, sent):
 @pytest.mark.parametrize("delay", [0.0, 0.006, -0.004])
 def test_delay_noise_and_bandwidth_are_reported(planar, true, sent, delay):
     recording, _ = logged(planar, true, (0, 1, 2) * 3, delay)
-    checked = check_recording(recording, planar, of_file(sent=str(sent), delay=None))
+    checked = check(recording, sent=str(sent), delay=None)
     assert checked.delay.seconds == pytest.approx(delay, abs=max(4 * checked.delay.deviation, 1e-3))
     assert checked.delay.deviation < 1.5e-3
     assert checked.grid.source == "of the commands"

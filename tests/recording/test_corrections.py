@@ -9,24 +9,22 @@ import pandas as pd
 import pytest
 
 from sidegan.errors import RecordingError
-from sidegan.recording.check import check_recording
-from sidegan.recording.load import load_recording
 from sidegan.recording.read import read_and_check
 from sidegan.recording.settings import Files
 from sidegan.recording.stationary import chain_joints, refuse_elsewhere, stationary_positions
 from sidegan.robot import Setup, load_robot
-from tests.recording.conftest import of_file
-from tests.recording.files import JOINTS, assert_same, named, read, table
+from tests.recording.conftest import check, of_file
+from tests.recording.files import JOINTS, assert_same, load, named, read, table
 from tests.refusals import refused
 from tests.robot.urdf import joint, link, more, two_joints
 
 DEGREES = 180 / np.pi
 
 
-def test_encoder_counts_are_refused_with_the_setting_that_converts_them(recording, planar, tmp_path):
+def test_encoder_counts_are_refused_with_the_setting_that_converts_them(recording, tmp_path):
     counts = (recording.position / (2 * np.pi) * 4096 + 2048).round()
     with refused(RecordingError, "recording.units.position") as error:
-        check_recording(replace(recording, velocity=None, position=counts), planar, of_file())
+        check(replace(recording, velocity=None, position=counts))
     per_turn, zero = map(float, re.findall(r"(?:per_turn|zero): (\d+)", str(error.value)))
     units = {"position": {"per_turn": [per_turn, -per_turn], "zero": zero}}
     columns = dict(zip(("q1", "q2"), counts.T))
@@ -84,12 +82,15 @@ def test_signals_logged_on_separate_rows_are_interpolated(recording, tmp_path):
     assert "the torque of a.csv" in found.remarks[0]
 
 
-def several(folder, made, change=lambda same: same):
-    """A file for each signal; that of the torques is changed, and calls them by the joints alone."""
-    named(made)[["t", "q1", "q2"]].to_csv(folder / "position.csv", index=False)
+def unchanged(table):
+    return table
+
+
+def several(folder, made, change=unchanged, moved=unchanged):
+    """A file for each signal, changed; that of the torques calls them by the joints alone."""
+    moved(table(made)[["t", "q1", "q2"]]).to_csv(folder / "position.csv", index=False)
     change(named(made, tau="{j}")[["t", *JOINTS]]).to_csv(folder / "effort.csv", index=False)
-    files = Files(str(folder / "position.csv"), effort=str(folder / "effort.csv"))
-    return load_recording(files, of_file(), JOINTS)
+    return load(Files(str(folder / "position.csv"), effort=str(folder / "effort.csv")))
 
 
 def test_one_file_per_signal_is_merged_into_one_recording(recording, tmp_path):
@@ -102,25 +103,18 @@ def test_one_file_per_signal_is_merged_into_one_recording(recording, tmp_path):
     assert "effort.csv" in found.remarks[0] and "is in all files" in found.remarks[1]
 
 
-APART = [
-    ("effort.csv 't'", lambda x: x.drop(columns="t")),
-    ("position.csv effort.csv 100", lambda x: x.assign(t=x.t + 100)),
-    ("effort.csv 'recording.without=[elbow]'", lambda x: x.drop(columns="elbow")),
-]
+APART = {  # what the message names, and changes of the files of torques and positions
+    "no stamps": ("effort.csv 't'", lambda x: x.drop(columns="t"), unchanged),
+    "another clock": ("position.csv effort.csv 100", lambda x: x.assign(t=x.t + 100), unchanged),
+    "a joint": ("effort.csv 'recording.without=[elbow]'", lambda x: x.drop(columns="elbow"), unchanged),
+    "a pause": ("position.csv effort.csv", lambda x: x[80:120], lambda x: x.drop(index=range(50, 150))),
+}
 
 
-@pytest.mark.parametrize(("about", "change"), APART)
-def test_signal_files_that_do_not_match_are_refused(made, tmp_path, about, change):
+@pytest.mark.parametrize(("about", "change", "moved"), APART.values(), ids=APART)
+def test_signal_files_that_do_not_match_are_refused(made, tmp_path, about, change, moved):
     with refused(RecordingError, *about.split()):
-        several(tmp_path, made, change)
-
-
-def test_files_of_which_one_pauses_while_the_other_runs_are_refused(recording, tmp_path):
-    whole, files = table(recording), Files(str(tmp_path / "q.csv"), torque=str(tmp_path / "tau.csv"))
-    pd.concat([whole[:500], whole[1500:]])[["t", "q1", "q2"]].to_csv(files.position, index=False)
-    whole[800:1200][["t", "tau1", "tau2"]].to_csv(files.torque, index=False)
-    with refused(RecordingError, "q.csv", "tau.csv"):
-        load_recording(files, of_file(), JOINTS)
+        several(tmp_path, made, change, moved)
 
 
 def test_a_joint_without_torque_is_locked_at_its_position(recording, tmp_path, planar):

@@ -10,17 +10,18 @@ import yaml
 
 from sidegan.base.conf import CONF
 from sidegan.errors import RecordingError
-from sidegan.recording.load import files_of, load_recording
-from tests.recording.conftest import of_file, recorded
+from sidegan.recording.load import files_of
+from tests.recording.conftest import recorded
+from tests.recording.files import load
 from tests.refusals import refused
 
 FPS, CUTS = 100, (0, 700, 1200, 2000)  # frames at which episodes begin
 
 
-def read(folder, made):
+def read(folder):
     settings = yaml.safe_load((CONF / "recording" / "lerobot.yaml").read_text(encoding="utf-8"))
     del settings["defaults"]
-    return load_recording(folder, of_file(**settings), made.joint_names)
+    return load(folder, **settings)
 
 
 @pytest.fixture
@@ -56,7 +57,7 @@ def written(made, folder, version="v3.0", named=True):
 def test_both_versions_are_read(made, tmp_path, version, named):
     folder = written(made, tmp_path / "set", version, named)
     assert len(files_of(folder)) == (4 if version == "v2.1" else 3)
-    loaded = read(folder, made)
+    loaded = read(folder)
     assert set(loaded.signals()) == {"position", "torque"}
     for name in loaded.signals():
         np.testing.assert_allclose(getattr(loaded, name), getattr(made, name), rtol=1e-6, atol=1e-6)
@@ -71,10 +72,10 @@ def test_an_incomplete_dataset_is_refused(made, tmp_path):
     second.unlink()
     first.unlink()
     with refused(RecordingError, str(folder), ".parquet"):
-        read(folder, made)
+        read(folder)
     pd.DataFrame({"timestamp": [0.0]}).to_parquet(first)
     with refused(RecordingError, str(first), "episode_index"):
-        read(folder, made)
+        read(folder)
     (folder / "meta" / "info.json").write_text("{")
     with refused(RecordingError, "info.json"):
-        read(folder, made)
+        read(folder)

@@ -11,12 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidegan.recording.grid import continuous_stretches
-from sidegan.recording.load import load_recording
 from sidegan.recording.recording import Recording
 from sidegan.recording.segments import preprocess
 from sidegan.recording.statistics import statistics_of
 from tests.recording.conftest import of_file, recorded, states
-from tests.recording.files import frame
+from tests.recording.files import frame, load
 
 
 def test_a_missing_acceleration_is_derived(recording):
@@ -71,7 +70,7 @@ def peaks(folder):
     for name in ("a.csv", "a.parquet"):
         del read  # that of the other format
         tracemalloc.reset_peak()
-        read = load_recording(folder / name, of_file(), ("1", "2"))
+        read = load(folder / name)
         found.append(tracemalloc.get_traced_memory()[1])
     tracemalloc.reset_peak()
     preprocess(read, of_file())
