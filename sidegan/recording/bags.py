@@ -128,9 +128,8 @@ def _signals_of(
 def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float]:
     """Time [s] from the header, or else from the bag, and the joints' values; NaN where missing."""
     stamp = message.header.stamp
-    place = {name: i for i, name in enumerate(message.name)}
     row = [stamp.sec + stamp.nanosec * _NANOSECONDS or received * _NANOSECONDS]
     for field in fields:
-        values = dict(enumerate(getattr(message, field).tolist()))
-        row += [values.get(place.get(name, -1), math.nan) for name in names]
+        values = dict(zip(message.name, getattr(message, field).tolist()))
+        row += [values.get(name, math.nan) for name in names]
     return row

@@ -4,7 +4,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -56,9 +55,9 @@ def load_recording(
         paths = files.signals(settings.effort).items()
         sources = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
     found = merge([_read(path, settings, joints, only) for only, path in sources])
-    notes = {"corrupt": tuple(found.corrupt), "remarks": tuple(found.remarks)}
-    fields: dict[str, Any] = found.signals | notes
-    read = unwrap(Recording(name, tuple(joint_names), found.time, **fields), joints.slides)
+    corrupt, remarks = tuple(found.corrupt), tuple(found.remarks)
+    raw = Recording(name, joints.own, found.time, corrupt=corrupt, remarks=remarks, **found.signals)
+    read = unwrap(raw, joints.slides)
     if settings.coupling:
         matrix = settings.motion_matrix(joint_names)
         coupled = {name: x @ matrix.T for name, x in read.signals().items() if name in SIGNALS[:3]}

@@ -92,10 +92,10 @@ def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
     Positions are (S, J) at times (S,), ``step`` [s] apart; the name is for messages. White position noise,
     estimated above half of the Nyquist frequency, is subtracted first.
     """
-    moved = [np.flatnonzero(np.abs(q - q[0]) > _MOVED)[:1] for q in position.T]
-    if not any(map(len, moved)):
+    moved = (np.abs(position - position[0]) > _MOVED).any(1)
+    if not moved.any():
         return 0.0
-    start = int(np.concatenate(moved).min())
+    start = int(moved.argmax())
     rate = min(_HEAD_RATE, 1 / step)
     grid = np.arange(time[start], min(time[-1], time[start] + _HEAD), 1 / rate)
     if len(grid) < thresholds.LEAST_MOTION:

@@ -179,12 +179,12 @@ def hdf5_table(path: Path) -> Table:
     """Table of an HDF5 file, as of an NPZ file, without images; names in groups are joined by dots."""
     with extra("hdf5"):
         import h5py
+    kinds = {1: "fiu", 2: "fiu", 3: "fi"}  # of numbers, by dimensions: unsigned ones in three may be images
     arrays: dict[str, Any] = {}
 
     def keep(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and 0 < item.ndim <= 3:
-            if item.dtype.kind in ("fiu" if item.ndim < 3 else "fi"):  # unsigned ones may be images
-                arrays[name.replace("/", ".")] = item[...]
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in kinds.get(item.ndim, ""):
+            arrays[name.replace("/", ".")] = item[...]
 
     with h5py.File(path) as file:
         file.visititems(keep)

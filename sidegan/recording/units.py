@@ -66,16 +66,14 @@ class Counts:
 
     def in_si(self, counts: Array, slides: Sequence[bool]) -> Array:
         """Positions [rad or m], (S, J), from counts (S, J)."""
-        found = []
         for name, values in vars(self).items():
-            if np.ndim(values) and len(np.atleast_1d(values)) != len(slides):
+            if isinstance(values, list) and len(values) != len(slides):
                 raise RecordingError(
-                    f"recording.units.position.{name} has {counted(len(np.atleast_1d(values)), 'value')}, "
+                    f"recording.units.position.{name} has {counted(len(values), 'value')}, "
                     f"the arm has {len(slides)}"
                 )
-            found.append(np.asarray(values, dtype=np.float64))
-        per_turn, zero = found
-        return (counts - zero) / per_turn * np.where(slides, 1.0, _TURN)
+        turns = (counts - np.asarray(self.zero)) / np.asarray(self.per_turn)
+        return turns * np.where(slides, 1.0, _TURN)
 
 
 @dataclass(frozen=True, kw_only=True)
