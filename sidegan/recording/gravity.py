@@ -59,7 +59,7 @@ class _Torques:
         seen = np.sqrt(squares) > 1e-9 * np.maximum(self.size, NEGLIGIBLE)
         scale = np.where(seen, products / np.maximum(squares, NEGLIGIBLE**2), 0.0)
         cosine = np.where(seen, products / np.maximum(np.sqrt(squares), NEGLIGIBLE) * self.weight, 0.0)
-        return Load(gravity, scale, cosine, 1 - np.square(cosine))
+        return Load(gravity, scale, cosine, np.maximum(1 - np.square(cosine), 0.0))
 
     def towards(self, scale: Array, left: Array) -> Array:
         """Best gravity [m/s²], (3,), at these scales and unexplained shares, (J,) each."""

@@ -20,7 +20,7 @@ from sidegan.recording.read import read_and_check
 from sidegan.recording.recording import Recording
 from sidegan.robot import Limits, Setup, load_robot
 from tests.chains import random_states
-from tests.recording.conftest import PLANAR, check, moved, of_file, recorded
+from tests.recording.conftest import PLANAR, check, moved, of_file, recorded, states
 from tests.recording.files import frame
 from tests.refusals import refused
 
@@ -234,6 +234,11 @@ def test_gravity_and_torque_scales_are_recovered_in_any_unit(arm, seed):
     angle = math.acos(min(1.0, float(found.gravity @ gravity / np.linalg.norm(gravity) ** 2)))
     assert angle < 3e-4 and np.linalg.norm(found.gravity) == pytest.approx(np.linalg.norm(gravity))
     assert (np.abs(found.scale / units - 1) < share).all()
+
+
+def test_torques_to_the_last_digit_as_described_have_the_described_gravity():
+    motion, body = states(np.arange(60) / 50), RigidBody(PLANAR)
+    np.testing.assert_array_equal(load_of(body, *motion, body.torque(*motion)).gravity, PLANAR.gravity)
 
 
 def test_a_load_that_is_to_be_identified_is_no_contradiction(planar, recording, tmp_path):
