@@ -117,13 +117,15 @@ def test_the_end_of_a_recording_is_held_out_for_validation(planar, clock):
         np.testing.assert_allclose(end.torque[-1:], same)
 
 
+def at_200_hz(seed, seconds=15, noise=0.02, begin=0.0):
+    """A recording of a random motion with friction."""
+    time = np.arange(seconds * 200) / 200 + begin
+    return moved(PLANAR, time, 2.0, 1.0, np.random.default_rng(seed), noise=noise)
+
+
 def late(delay, noise=0.02, seconds=30):
-    """A recording at 200 Hz with delayed torques."""
-    time = np.arange(seconds * 200) / 200
-    first, second = (
-        moved(PLANAR, t, 2.0, 1.0, np.random.default_rng(3), noise=noise) for t in (time, time - delay)
-    )
-    return replace(first, torque=second.torque)
+    """A recording with delayed torques."""
+    return replace(at_200_hz(3, seconds), torque=at_200_hz(3, seconds, noise, -delay).torque)
 
 
 @pytest.mark.parametrize("delay", [-0.2, -0.015, 0.0, 0.003, 0.03, 0.85])
@@ -176,20 +178,18 @@ def test_a_delay_that_noise_drowns_is_not_corrected():
 
 def test_a_delay_in_noise_has_its_deviation(planar):
     """Whose square is that of the error, in the mean, though the noise is in the torque's derivative too."""
-    time, errors = np.arange(15 * 200) / 200, []
+    errors = []
     for seed in range(20):
-        made = moved(planar, time, 2.0, 1.0, np.random.default_rng(seed), noise=0.3)
-        found = delay_of(RigidBody(planar), check(made).segments)
+        found = delay_of(RigidBody(planar), check(at_200_hz(seed, noise=0.3)).segments)
         errors.append(found.seconds / found.deviation)
     assert np.square(errors).mean() < 2
 
 
-def test_torques_of_another_motion_seldom_have_a_delay(planar):
+def test_torques_of_another_motion_seldom_have_a_delay():
     """Some motions are so alike that one looks like the other at another time."""
-    time, undetermined, corrected = np.arange(15 * 200) / 200, [], []
+    undetermined, corrected = [], []
     for seed in range(12):
-        motion, other = (moved(planar, time, 2.0, 1.0, np.random.default_rng(k)) for k in (seed, 100 + seed))
-        checked = check(replace(motion, torque=other.torque), delay=None)
+        checked = check(replace(at_200_hz(seed), torque=at_200_hz(100 + seed).torque), delay=None)
         corrected.append(checked.corrected)
         undetermined.append(math.isinf(checked.delay.deviation))
         json.dumps(checked.as_json(), allow_nan=False)
