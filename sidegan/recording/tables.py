@@ -57,11 +57,7 @@ class Table:
 
     @cached_property
     def joint_names(self) -> list[str]:
-        """Joints in the order of the rows' lists, as in a JointState; empty if no column lists them.
-
-        Raises:
-            RecordingError: when the order changes between rows.
-        """
+        """Joints in the order of all rows' lists, as in a JointState; empty if no column lists them."""
         columns = [name for name in filter(_NAMES.fullmatch, self.columns) if self.width(name) > 1]
         if not columns:
             return []

@@ -105,10 +105,7 @@ class Units:
     def of(self, file: str, signal: str, slides: bool, heading: str) -> tuple[str, float]:
         """Unit in the heading of a joint's signal, or of ``"time"``, and the factor to SI units.
 
-        The unit is empty if it is configured, SI, or not stated.
-
-        Raises:
-            RecordingError: when the heading states another unit than its signal's, such as per cent.
+        The unit is empty if it is configured, SI, or not stated. Another unit than the signal's is refused.
         """
         angle = "length" if slides else "angle"
         kind = signal if signal in ("time", "torque", "current") else angle
