@@ -18,8 +18,7 @@ from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.baselines import baselines, long_trajectory, random_set
 from sidegan.pipeline.stages.discussion import density, timing
 from sidegan.pipeline.stages.identification import identification, plant
-from sidegan.pipeline.stages.measures import measured_pools as measured_pools
-from sidegan.pipeline.stages.measures import measures
+from sidegan.pipeline.stages.measures import measured_pools, measures
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import (
@@ -32,7 +31,7 @@ from sidegan.pipeline.stages.selection import (
     pools,
     selection,
 )
-from sidegan.pipeline.stages.training import generator, on_subset, surrogate_networks
+from sidegan.pipeline.stages.training import generator, generators, on_subset, surrogate_networks
 
 Report = dict[str, Any]
 
@@ -180,9 +179,8 @@ class Artifacts:
 
     def training_seconds(self, name: str, training: int) -> float:
         """CPU time of a variant's surrogates, if it has any, training and library [s]."""
-        variant = self.cfg.gan[name]
-        parts = [generator(self.run, name, training, variant), library(self.run, name, training)]
-        if variant.features:
+        parts = [generator(self.run, name, training), library(self.run, name, training)]
+        if self.cfg.gan[name].features:
             parts.append(surrogate_networks(self.run))
         return sum(float(self.costs(part)["cpu_seconds"]) for part in parts)
 
@@ -227,13 +225,10 @@ class Artifacts:
 
     def _histories(self, run: RunContext) -> pd.DataFrame:
         parts = []
-        for name, variant in run.cfg.gan.items():
-            for k in run.cfg.trainings:
-                artifact = generator(run, name, k, variant)
-                rows = pd.DataFrame(run.history(artifact)).astype(float)
-                rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
-                kept = rows.epoch == len(rows)
-                parts.append(rows.assign(kept=kept, variant=name, training=k))
+        for name, training in generators(run):
+            rows = pd.DataFrame(run.history(generator(run, name, training))).astype(float)
+            rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
+            parts.append(rows.assign(kept=rows.epoch == len(rows), variant=name, training=training))
         return pd.concat(parts, ignore_index=True)
 
 

@@ -72,7 +72,7 @@ def present(arms: Arms, folder: Path, tracker: Tracker) -> None:
 
 def beside_seeds(frame: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
     """Valid share and cosine of generators and baselines, other metrics relative to the seeds; means."""
-    rows = frame.assign(valid=frame.valid_share.fillna(frame.valid))
+    rows = frame.assign(valid=tables.valid_share(frame))
     means = rows[["name", VALID, "cosine", *_OVER]].set_index("name").astype(float)
     means = means.groupby(level=0, sort=False).mean()
     over = means[[*_OVER]] / means.loc[SEEDS, [*_OVER]]

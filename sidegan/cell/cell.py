@@ -128,13 +128,11 @@ class Cell:
         """The arm with its velocity and torque limits scaled by the effort."""
         return with_effort(self.whole_arm, self.effort)
 
-    @property
+    @cached_property
     def effort(self) -> float:
         """Share of the velocity and torque limits to use."""
-        return self._usual_effort if self.choices.effort is None else self.choices.effort
-
-    @cached_property
-    def _usual_effort(self) -> float:
+        if self.choices.effort is not None:
+            return self.choices.effort
         return usual_effort(self.whole_arm, self.choices.home)
 
     @cached_property

@@ -80,7 +80,7 @@ def test_only_a_variant_with_surrogates_pays_for_them(artifacts):
     run, first = artifacts.run, artifacts.cfg.trainings[0]
     surrogates = artifacts.costs(surrogate_networks(run))["cpu_seconds"]
     for name, paid in (("vanilla", 0.0), ("eigen", surrogates)):
-        parts = generator(run, name, first, artifacts.cfg.gan[name]), library(run, name, first)
+        parts = generator(run, name, first), library(run, name, first)
         own = sum(artifacts.costs(part)["cpu_seconds"] for part in parts)
         assert artifacts.training_seconds(name, first) == pytest.approx(own + paid)
 

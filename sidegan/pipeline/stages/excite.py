@@ -120,9 +120,9 @@ def _order(run: RunContext, durations: Mapping[str, float]) -> str:
         for length, names in groups
     ]
     ways = APPROACH in durations
-    settings, home = run.cfg.controllers, run.cell.trajectory.home or [0.0] * run.cell.arm.joints
-    q = settings.start or [] if ways else np.linalg.solve(settings.matrix(run.cell.arm), home).tolist()
-    where = ", ".join(f"{name} {x:.6g}" for name, x in zip(run.cell.arm.joint_names, q))
+    settings, cell = run.cfg.controllers, run.cell
+    q = settings.start or [] if ways else np.linalg.solve(settings.matrix(cell.arm), cell.home).tolist()
+    where = ", ".join(f"{name} {x:.6g}" for name, x in zip(cell.arm.joint_names, q))
     place = f"at controllers.start: {where}"
     if not ways:
         place = f"at home first: {where} (controllers.start=[…] writes a path there)"
