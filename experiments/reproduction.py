@@ -50,7 +50,7 @@ collect = comparison
 
 
 def check(run: RunContext) -> None:
-    """Refuse conditions that are unknown, lack the paper's variants or are the same, before any work."""
+    """Refuse conditions that are unknown, are the same, or leave verdicts without numbers, before any work."""
     seen: dict[str, str] = {}  # names of conditions by their settings
     for name, made in comparison(run).items():
         same = seen.setdefault(str(made.cfg.plain() | {"condition": None, "conditions": None}), name)
@@ -59,6 +59,11 @@ def check(run: RunContext) -> None:
         if missing := set(GANS) - made.cfg.gan.keys():
             expected = f"the page compares {', '.join(GANS)}"
             raise ConfigError(f"condition {name} does not train {', '.join(sorted(missing))}; {expected}")
+        if made.cfg.identification.noise.state:
+            raise ConfigError(
+                "identification.noise.state is true: verdicts need expected errors, which have a closed form "
+                "only with exact states"
+            )
 
 
 def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:

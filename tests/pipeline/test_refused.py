@@ -28,6 +28,7 @@ SETTINGS = [
     ("reproduction", "stages=[]", "there is nothing to run: give +experiment=…"),
     ("reproduction", "trainings=[0,0]", "trainings is [0, 0], expected one or more, each once"),
     ("reproduction", "gan=eigen", "condition ours does not train diagonal, vanilla; the page"),
+    ("reproduction", "identification.noise.state=true", "verdicts need expected errors"),
     ("reproduction", "subset=41", "subset is 41, expected at most seeds.count = 40"),
     ("reproduction", "discussion.sizes=[50]", "discussion.sizes has 50, expected at most seeds.count = 40"),
     ("reproduction", "selection.count=41", "selection.count is 41, expected at most seeds.count = 40"),
