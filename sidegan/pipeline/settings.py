@@ -222,6 +222,9 @@ class Config:
         lists = {name: getattr(self, name) for name in ("trainings", "arms") if self.has(name)}
         if self.has("long"):
             lists["long.harmonics"] = self.long.harmonics
+        if self.has("discussion"):
+            lists["discussion.bandwidths"] = self.discussion.bandwidths
+            lists["discussion.trainings"] = self.discussion.trainings
         for name, values in lists.items():
             if not values or len(set(values)) < len(values):
                 yield f"{name} is {values}, expected one or more, each once"
@@ -248,8 +251,10 @@ class Config:
         sizes = self.discussion.sizes if self.has("discussion") and "subsets" in self.stages else []
         if any(size > seeds for size in sizes):
             yield f"discussion.sizes has {max(sizes)}, expected at most seeds.count = {seeds}"
-        if seeds < 2 and "gan" in self.stages:
-            yield f"seeds.count is {seeds}, expected two or more for training"
+        if "gan" in self.stages:
+            taught = {"seeds.count": [seeds], "subset": [self.subset], "discussion.sizes": sizes}
+            few = (name for name, counts in taught.items() if 1 in counts)
+            yield from (f"{name} is 1, expected two or more for training" for name in few)
         if self.has("library", "selection") and "selection" in self.stages:
             # sets are picked from the seeds, from as many random trajectories as in a library, and from both
             for name, count in (("seeds", seeds), ("library", self.library.count)):
