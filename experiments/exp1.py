@@ -34,10 +34,8 @@ from sidegan.report import figures, tables
 
 SIMULATOR, WEIGHTED = "Simulator", "Simulator, weighted RLS"
 EXPECTED, EXPECTED_WEIGHTED = "Simulator, expected", "Simulator, weighted, expected"
-GEOMETRIC = f"{EXPECTED}, geometric mean"
 CONSTANT = "Simulator, constant noise, weighted, expected"
 PLANT, PLANT_WEIGHTED = "MuJoCo plants", "MuJoCo plants, weighted"
-ON_PLANTS = tuple(f"{key}{mean}" for key in (PLANT, PLANT_WEIGHTED) for mean in ("", ", geometric mean"))
 
 NOISES = {
     "error": "noise proportional to the torque, unweighted",
@@ -84,15 +82,14 @@ def table1(
 ) -> pd.DataFrame:
     """Table I with our rows and the paper's; the spread is over trainings and noise draws or plants.
 
-    Expected errors come first if available, then those under constant noise, from noise draws, and on plants;
-    some also as geometric means, which come before the others: a single joint can have most of the error.
+    Expected errors come first (none if states are noisy), then those under constant noise, from noise draws,
+    and on plants; some also as geometric means, before the others: one joint can have most of the error.
     """
     rows, parts = {}, dict[str, pd.DataFrame]()
     if len(expected):
         known = expected.weighted.astype(bool)
         parts |= {EXPECTED: expected[~known], EXPECTED_WEIGHTED: expected[known]}
-    parts |= {CONSTANT: constant} if len(constant) else {}
-    parts |= {SIMULATOR: raw[~raw.weighted], WEIGHTED: raw[raw.weighted]}
+    parts |= {CONSTANT: constant, SIMULATOR: raw[~raw.weighted], WEIGHTED: raw[raw.weighted]}
     parts |= {PLANT: plant[~plant.weighted], PLANT_WEIGHTED: plant[plant.weighted]}
     for label, part in parts.items():
         levels = [key for key in (TRAINING, REPEAT) if key in part]

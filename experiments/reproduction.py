@@ -50,7 +50,7 @@ collect = comparison
 
 
 def check(run: RunContext) -> None:
-    """Refuse conditions that are unknown, are the same, or leave verdicts without numbers, before any work."""
+    """Refuse conditions that are unknown, the same, or leave verdicts without numbers, before any work."""
     seen: dict[str, str] = {}  # names of conditions by their settings
     for name, made in comparison(run).items():
         same = seen.setdefault(str(made.cfg.plain() | {"condition": None, "conditions": None}), name)

@@ -16,8 +16,6 @@ from sidegan.base.typed import (
     Text,
     build,
     changed,
-    did_you_mean,
-    names_in,
     settings_of,
 )
 from sidegan.errors import ConfigError
@@ -128,9 +126,3 @@ def test_any_mapping_is_read_and_what_is_missing_is_told_beside_a_name_that_is_l
     assert settings_of(Inner, MappingProxyType({"count": 3, "kind": "small"})) == Inner(3, "small")
     with refused(ConfigError, "2", "count", "zzz"):
         build(Inner, {"kind": "small", "zzz": 1})
-
-
-def test_setting_names_and_suggestions_come_from_their_group():
-    assert names_in(Outer, ["many", "first"]) == ["count", "kind", "optional"] == names_in(Outer, ["inner"])
-    assert names_in(Outer, ["seed"]) == names_in(Outer, ["nothing"]) == []
-    assert did_you_mean(Outer, ("iner", "count")) == "; did you mean inner.count?"

@@ -44,18 +44,16 @@ def test_expected_errors_stand_first_by_geometric_means_and_what_was_not_made_ha
     both = pd.concat([sure, sure.assign(training=1, nmse=3 * sure.nmse)])
     constant = both[both.weighted]
     table = exp1.table1(raw, raw, both, constant)
-    expected = [exp1.GEOMETRIC, exp1.EXPECTED, exp1.EXPECTED_WEIGHTED, exp1.CONSTANT]
+    geometric = f"{exp1.EXPECTED}, geometric mean"
+    expected = [geometric, exp1.EXPECTED, exp1.EXPECTED_WEIGHTED, exp1.CONSTANT]
     assert list(table.index)[:6] == [*expected, exp1.SIMULATOR, exp1.WEIGHTED]
     assert table.loc[exp1.EXPECTED].tolist() == ["14 ± 9.9"] * 3
     root = 0.75**0.5  # of the joints' shares of their mean, 0.5 and 1.5
-    assert [float(x.split(" ")[0]) for x in table.loc[exp1.GEOMETRIC]] == pytest.approx(
-        [14 * root] * 3, rel=0.02
-    )
+    assert [float(x.split(" ")[0]) for x in table.loc[geometric]] == pytest.approx([14 * root] * 3, rel=0.02)
     assert table.loc[exp1.CONSTANT].tolist() == ["56 ± 40"] * 3
     plain = raw[~raw.weighted]
-    table = exp1.table1(plain, plain, both.iloc[:0], both.iloc[:0])
+    table = exp1.table1(plain, plain, both.iloc[:0], constant)
     assert exp1.EXPECTED not in table.index and table.loc[exp1.WEIGHTED].tolist() == ["—"] * 3
-    assert exp1.CONSTANT not in table.index
 
 
 @pytest.mark.parametrize(("weighted", "said"), [(0.8, True), (0.4, False)])
@@ -107,7 +105,8 @@ def test_plants_are_compared_one_by_one_by_both_means_and_weightings():
     )
     told = [float(x.strip("()")) for x in table.loc[exp1.PLANT, "seeds + vanilla"].split(" ") if x != "…"]
     assert told == pytest.approx([mean, low, high], rel=0.01)  # Student's t of three, logarithms 0.1 apart
-    means = [float(table.loc[key, "seeds + eigen"].split(" ")[0]) for key in exp1.ON_PLANTS]
+    keys = [f"{key}{mean}" for key in (exp1.PLANT, exp1.PLANT_WEIGHTED) for mean in ("", ", geometric mean")]
+    means = [float(table.loc[key, "seeds + eigen"].split(" ")[0]) for key in keys]
     alone = np.exp(-np.log(ratio["eigen"]).mean())
     assert means == pytest.approx([alone, alone, alone / 3.25, alone / 2], rel=0.01)
     said = exp1.on_plants(plants, ["eigen", "vanilla"]).split(". ")

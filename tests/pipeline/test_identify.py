@@ -1,7 +1,7 @@
 """The way from recordings to a model, through the command's own stage."""
 
-import importlib.util
 import json
+import runpy
 import shlex
 
 import mujoco
@@ -88,14 +88,6 @@ def consistent(once, planar):
     return model, torque, [q, dq, ddq]
 
 
-def python_class(folder):
-    """The class that a run left in its folder."""
-    spec = importlib.util.spec_from_file_location("planar2_model", folder / "model.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.ArmDynamics()
-
-
 def by_mujoco(folder):
     """MuJoCo's inverse dynamics of the MJCF, and its damping and friction."""
     mjcf = mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))
@@ -142,7 +134,7 @@ def test_each_file_is_read_again_and_predicts_as_well_as_what_it_holds(once):
 
 def test_the_python_class_splits_its_torque(once, consistent):
     verdict, folder = once
-    model = python_class(folder)
+    model = runpy.run_path(str(folder / "model.py"))["ArmDynamics"]()
     assert model.joints == ["shoulder", "elbow"]
     assert model.method == verdict["use"] == "consistent" and "Use the consistent" in verdict["advice"]
     assert verdict["validation"]["nmse"] == verdict["validation"]["consistent"]["nmse"]

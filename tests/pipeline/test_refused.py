@@ -136,6 +136,7 @@ OF_LIMITS = "robot.limits: joint_1 is not a setting of this group, which has pos
     [
         ("seeds.cuont=3", TYPO),
         ("+seeds.cuont=3", TYPO),
+        ("sedes.count=3", "error: sedes.count: there is no such setting; did you mean seeds.count?"),
         ("sedes=paper", "error: sedes: there is no such setting; did you mean seeds?"),
         ("gan.epochs=20", "did you mean gan.vanilla.epochs or gan.eigen.epochs"),
         ("gan.limited=true", "did you mean gan.generator.limited?"),

@@ -23,7 +23,6 @@ from sidegan.pipeline.stages import measures, stage
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import library, pools, selection
 from sidegan.pipeline.store import Store
-from sidegan.validity import check
 from tests.refusals import refused
 from tests.tiny import TINY, tiny
 
@@ -85,7 +84,7 @@ def test_the_libraries_contain_valid_trajectories(made):
     for name in made.cfg.gan:
         trajectories, report = made.load(library(made, name, 0)), made.report(library(made, name, 0))
         assert len(trajectories) == made.cfg.library.count
-        assert check(made.cell.constraints, made.cell.trajectory, trajectories.coefficients).valid.all()
+        assert made.cell.check(trajectories.coefficients).valid.all()
         assert 0 < report["valid_share"] <= 1 and report["drawn"] >= len(trajectories)
 
 

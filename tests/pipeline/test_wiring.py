@@ -27,7 +27,6 @@ from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.measures import measures
 from sidegan.pipeline.stages.selection import ExcitationSet, Pool, selection
 from sidegan.seeding import seeds_recipe
-from sidegan.validity import check
 
 TIGHT = ("workspace.regions=[{plane:{normal:[1,0,0],offset:-0.3}}]",)  # a wall that random motions hit
 
@@ -71,11 +70,11 @@ def test_a_selection_finds_the_exciting_trajectories(planted, build, method, lea
 
 def test_random_trajectories_are_checked_and_invalid_ones_dropped(context, build):
     made = context(*TIGHT)
-    share = check(made.cell.constraints, made.cell.trajectory, drawn(made, 400)).valid.mean()
+    share = made.cell.check(drawn(made, 400)).valid.mean()
     assert 0.1 < share < 0.9, "the workspace tells nothing"
     random_set(made).make(build)
     library = Library.load(build.folder / LIBRARY, made.cell.arm)
-    assert check(made.cell.constraints, made.cell.trajectory, library.coefficients).valid.all()
+    assert made.cell.check(library.coefficients).valid.all()
     assert read_json(build.folder / REPORT)["drawn"] > len(library)
 
 
@@ -83,9 +82,9 @@ def test_natural_draws_reach_as_far_as_99_percent_are_valid(context, build):
     made = context(*TIGHT)
     natural_set(made).make(build)
     library, report = Library.load(build.folder / LIBRARY, made.cell.arm), read_json(build.folder / REPORT)
-    assert check(made.cell.constraints, made.cell.trajectory, library.coefficients).valid.all()
+    assert made.cell.check(library.coefficients).valid.all()
     assert report["valid_share"] >= 0.99 and len(library) == 400 * report["valid_share"]
-    farther = check(made.cell.constraints, made.cell.trajectory, 1.1 * library.coefficients).valid
+    farther = made.cell.check(1.1 * library.coefficients).valid
     assert 0.5 < farther.mean() < 0.99
     use = made.cell.problem.limit_use(library.coefficients)
     np.testing.assert_allclose(use, report["reach"], rtol=0.02)
@@ -145,7 +144,7 @@ def executed(context, monkeypatch):
 def refuse_tests(made, learned, tests):
     """Tests must be valid motions that the model has not learned from."""
     assert len(tests) == made.cfg.identification.tests
-    assert check(made.cell.constraints, made.cell.trajectory, tests).valid.all()
+    assert made.cell.check(tests).valid.all()
     assert cdist(flatten(tests, 1), flatten(learned, 1)).min() > 0.1
 
 

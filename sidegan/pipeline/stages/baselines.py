@@ -21,12 +21,12 @@ from sidegan.design.search import search
 from sidegan.errors import InfeasibleError
 from sidegan.library import LIBRARY
 from sidegan.library.draw import Draws, Expansion, draw_valid
-from sidegan.library.measure import library_of, summary
+from sidegan.library.measure import library_of
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.stages import Stage
-from sidegan.pipeline.stages.seeds import make
+from sidegan.pipeline.stages.seeds import make, save_set
 from sidegan.seeding import Gradient, make_long, seeds_recipe
 
 REACH = 0.8  # share of its tightest joint limit that a random trajectory uses
@@ -46,7 +46,8 @@ def random_set(run: RunContext) -> Artifact:
 def _make_random(run: RunContext, build: Build) -> None:
     count = run.cfg.library.count
     draws = random_valid(run, count, "random set")
-    _save(run, build, draws.coefficients, "random", drawn=draws.drawn, valid_share=count / draws.drawn)
+    facts = {"drawn": draws.drawn, "valid_share": count / draws.drawn}
+    save_set(run, build, draws.coefficients, "random", facts)
 
 
 def random_valid(run: RunContext, count: int, purpose: str, reach: float = REACH) -> Draws:
@@ -76,12 +77,6 @@ def predicted(run: RunContext) -> dict[str, Any]:
     return {key: getattr(study, key) for key in ("rate", "prior", "constant", "tests", "reach")}
 
 
-def _save(run: RunContext, build: Build, c: Array, name: str, **facts: float) -> None:
-    library = library_of(run.cell.constraints, run.cell.trajectory, c, name)
-    library.save(build.folder / LIBRARY)
-    write_json(build.folder / REPORT, {**summary(library), **facts})
-
-
 def natural_set(run: RunContext) -> Artifact:
     """Random draws in natural coordinates, at the largest reach at which nearly all are valid."""
     settings = {"drawn": _DRAWN, "valid": _VALID}
@@ -102,7 +97,7 @@ def _make_natural(run: RunContext, build: Build) -> None:
             above = middle
     c = reach * whole
     valid = run.cell.check(c).valid
-    _save(run, build, c[valid], "natural", reach=reach, valid_share=float(valid.mean()))
+    save_set(run, build, c[valid], "natural", {"reach": reach, "valid_share": float(valid.mean())})
 
 
 def searched_sets(run: RunContext) -> dict[str, Artifact]:
@@ -141,7 +136,7 @@ def _make_searched(run: RunContext, build: Build, name: str, settings: SearchSet
                 raise
         build.report(k + 1, _SEARCHED)
     build.costs["cpu_each"] = (process_time() - began) / _SEARCHED
-    _save(run, build, np.stack(found), name, valid_share=len(found) / _SEARCHED)
+    save_set(run, build, np.stack(found), name, {"valid_share": len(found) / _SEARCHED})
 
 
 def baselines(run: RunContext) -> dict[str, Artifact]:

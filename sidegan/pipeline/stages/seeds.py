@@ -1,11 +1,13 @@
 """Stage seeds: the seed set, from the configured optimiser or published."""
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.conf import CONF
 from sidegan.base.extras import require
 from sidegan.base.storage import write_arrays, write_json
@@ -92,11 +94,16 @@ def make(run: RunContext, build: Build) -> None:
         batch = optimised(run.cell, settings, run.cfg.seed, build.work, run.cfg.parallel.workers)
     else:
         _log.info("the first %d seeds of %s, made by these settings before", len(batch), settings.shipped)
-    library = library_of(run.cell.constraints, run.cell.trajectory, batch.coefficients, settings.method)
-    library.save(build.folder / LIBRARY)
     build.costs["cpu_seconds"] = batch.cpu_seconds
     attempts = {"attempts": batch.attempts, "failed": batch.failed, "faults": batch.faults}
-    write_json(build.folder / REPORT, {**summary(library), **attempts})
+    save_set(run, build, batch.coefficients, settings.method, attempts)
+
+
+def save_set(run: RunContext, build: Build, c: Array, name: str, facts: Mapping[str, Any]) -> None:
+    """Write coefficients [rad/s], (N, J, H, 2), as a measured library, and its summary with more facts."""
+    library = library_of(run.cell.constraints, run.cell.trajectory, c, name)
+    library.save(build.folder / LIBRARY)
+    write_json(build.folder / REPORT, {**summary(library), **facts})
 
 
 STAGES = {"seeds": Stage(lambda run: [seed_set(run)], check=_check)}
