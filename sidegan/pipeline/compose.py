@@ -39,9 +39,10 @@ def composed(*overrides: str) -> "Config":
     within = GlobalHydra.instance().is_initialized()
     try:
         with nullcontext() if within else hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-            return validate(hydra.compose("config", overrides=list(overrides)))
-    except HydraException as error:
+            cfg = hydra.compose("config", overrides=list(overrides))
+    except (HydraException, ValueError) as error:  # ValueError: of null for a group
         raise ConfigError(explain(error)) from error
+    return validate(cfg)
 
 
 def explain(error: Exception) -> str:
@@ -74,6 +75,8 @@ def _unknown(key: str, inner: str, parent: Any) -> str:
     from sidegan.base.typed import did_you_mean, names_in
     from sidegan.pipeline.settings import Config
 
+    if inner != key and "." not in inner:  # the group itself is unknown
+        inner, parent = key, None
     if re.match(r"gan\.(?!generator\b)\w+\.generator\.", inner):
         return f"{inner}: variants share their generator; set gan.{inner.split('.', 2)[2]}"
     # the schema has the shared generator in each variant

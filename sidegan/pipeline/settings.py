@@ -197,9 +197,14 @@ class Config:
         return {name: value for name, value in asdict(self).items() if self.has(name)}
 
     def __post_init__(self) -> None:
-        checks = self._names(), self._files(), self._counts(), self._noise(), self._rates()
+        checks = self._groups(), self._names(), self._files(), self._counts(), self._noise(), self._rates()
         if problem := next(chain(*checks), None):
             raise ConfigError(problem)
+
+    def _groups(self) -> Iterator[str]:
+        """Groups that are used together, and one of them is left out."""
+        if self.has("workspace") != self.has("trajectory"):
+            yield "workspace and trajectory are used together: choose both of these groups, or neither"
 
     def _names(self) -> Iterator[str]:
         """Invalid names, and lists that are empty or name something twice."""

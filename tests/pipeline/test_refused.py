@@ -69,6 +69,7 @@ SETTINGS = [
     ("excite", "trajectory.home=[0,90] robot.effort=0.5", "trajectory.home has 90 for elbow, whose range"),
     ("excite", "known=FOLDER", "expected the folder of a run of +experiment=identify"),
     ("excite", "goal.objective=[hand]", "goal.objective names hand, expected some of the links"),
+    ("identify", "+workspace=free", "workspace and trajectory are used together"),
     ("identify", "stages=[identify]", "recordings is empty"),
     ("identify", "robot=unnamed recordings=[FOLDER/a.csv]", "which arm was recorded? robot.name="),
     ("identify", "robot=unnamed stages=[check]", "which arm was recorded? robot.name="),

@@ -122,9 +122,11 @@ def test_conditions_with_the_same_settings_and_rows_that_do_not_compose_are_refu
     both = composed(*words, "conditions=[ours,ours_again]")
     with refused(ConfigError, "ours", "ours_again", "same settings"):
         reproduction.check(RunContext(both, Store(outputs), words))
-    words = "+experiment=ablation", "gan.eigen.epochs=2"
-    with refused(ConfigError, "untrained", "gan.eigen"):
-        measures.variations(RunContext(composed(*words), Store(outputs), words))
+    wrong = {"untrained: gan.eigen": "gan.eigen.epochs=2", "bare: ": "+rows.bare=['seeds=null']"}
+    for row, word in wrong.items():
+        words = "+experiment=ablation", word
+        with refused(ConfigError, row):
+            measures.variations(RunContext(composed(*words), Store(outputs), words))
     with refused(ConfigError, "gan=eigen"):
         generality.check(RunContext(composed("+experiment=generality", "gan=exact"), Store(outputs)))
 
