@@ -38,6 +38,7 @@ SETTINGS = [
     ("reproduction", "discussion.sizes=[1]", "discussion.sizes is 1, expected two or more"),
     ("training", "seeds.count=1", "seeds.count is 1, expected two or more"),
     ("training", "subset=1", "subset is 1, expected two or more"),
+    ("training", "evaluation=1", "evaluation is 1, expected two or more"),
     ("exp1", "identification.noise.level=0", "identification.noise has no torque noise"),
     ("exp1", "plants.sensors.cutoff=300", "sensors.cutoff is 300, expected less than half of plant.rate=250"),
     ("exp1", "plants.sensors.rate=150", "sensors.rate is 150, expected a divisor of plant.rate=250"),
