@@ -80,11 +80,11 @@ class RunContext:
         """A copy with other overrides of the command, such as condition=published or gan.eigen.epochs=9."""
         words = list(self.overrides)
         for change in changes:
-            key, _, value = change.partition("=")
-            added = "+" * any(word.startswith(f"+{key}=") for word in words)  # no group of the experiment
+            key = change.partition("=")[0]
+            added = any(word.startswith(f"+{key}=") for word in words)  # no group of the experiment
             dropped = {key, f"{key}.name"}
             words = [word for word in words if word.partition("=")[0].lstrip("+") not in dropped]
-            words.append(f"{added}{key}={value}")
+            words.append(f"+{change}" if added else change)
         return replace(self, cfg=composed(*words))
 
     def random(self, purpose: str, training: int | None = None) -> np.random.SeedSequence:
