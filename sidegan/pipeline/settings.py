@@ -257,10 +257,11 @@ class Config:
         if any(size > seeds for size in sizes):
             yield f"discussion.sizes has {max(sizes)}, expected at most seeds.count = {seeds}"
         if "gan" in self.stages:
-            samples = {"seeds.count": [seeds], "subset": [self.subset], "discussion.sizes": sizes}
-            samples["evaluation"] = [self.evaluation]
-            few = (name for name, counts in samples.items() if 1 in counts)
-            yield from (f"{name} is 1, expected two or more for training" for name in few)
+            counts = {"seeds.count": seeds, "subset": self.subset, "evaluation": self.evaluation}
+            counts["discussion.sizes"] = min(sizes, default=None)
+            for name, count in counts.items():
+                if count == 1:
+                    yield f"{name} is 1, expected two or more for training"
         if self.has("library", "selection") and "selection" in self.stages:
             # sets are picked from the seeds, from as many random trajectories as in a library, and from both
             for name, count in (("seeds", seeds), ("library", self.library.count)):

@@ -4,6 +4,7 @@ import html
 import re
 import shlex
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -23,24 +24,22 @@ from sidegan.validity import Constraints, check
 from tests.tiny import tiny
 
 
+def excited(outputs, folder, *overrides):
+    """The folder, in which a run with changed settings left its files."""
+    run_stages(tiny(f"outputs={outputs}", *overrides, experiment="excite"), folder, "excite")
+    return folder
+
+
 @pytest.fixture
 def ran(outputs, tmp_path):
-    """Folder of a run with changed settings."""
-
-    def made(*overrides):
-        config = tiny(f"outputs={outputs}", *overrides, experiment="excite")
-        run_stages(config, tmp_path / "run", "excite")
-        return tmp_path / "run"
-
-    return made
+    """Runs with changed settings, all in the same folder."""
+    return partial(excited, outputs, tmp_path / "run")
 
 
 @pytest.fixture(scope="module")
 def folder(outputs, tmp_path_factory):
     """Folder of a run that made trajectories to execute."""
-    folder = tmp_path_factory.mktemp("excite")
-    run_stages(tiny(f"outputs={outputs}", experiment="excite"), folder, "excite")
-    return folder
+    return excited(outputs, tmp_path_factory.mktemp("excite"))
 
 
 STATES = [f"{kind}_{joint}" for kind in ("q", "dq", "ddq") for joint in ("shoulder", "elbow")]
@@ -182,18 +181,17 @@ def test_commands_on_the_page_read_the_same_files_whatever_their_paths(outputs, 
     folder.mkdir()
     urdf = folder / "arm, 2.urdf"
     urdf.write_text(load_robot("planar2").urdf.read_text())
-    config = tiny(f"outputs={outputs}", *shlex.split(setting("robot.name", urdf)), experiment="excite")
-    run_stages(config, folder / "run", "excite")
-    (_, slower), (_, send), (_, identify) = sections(folder / "run")
-    assert shlex.split(send)[:2] == ["cd", str(folder / "run" / "trajectories")]
+    run = excited(outputs, folder / "run", *shlex.split(setting("robot.name", urdf)))
+    (_, slower), (_, send), (_, identify) = sections(run)
+    assert shlex.split(send)[:2] == ["cd", str(run / "trajectories")]
     for command in (slower, identify):
         words = shlex.split(command.replace("\\\n", "").replace("[…]", "[0,0]"))[1:]
         parsed = OverridesParser.create().parse_overrides(words)
         named = {override.key_or_group: override.value() for override in parsed}
         read = OmegaConf.to_container(OmegaConf.create(named), resolve=True)
         assert read["robot.name"] == str(urdf)
-        assert read.get("hydra.run.dir", f"{folder / 'run'}-slow") == f"{folder / 'run'}-slow"
-        assert read.get("recording.sent", str(folder / "run")) == str(folder / "run")
+        assert read.get("hydra.run.dir", f"{run}-slow") == f"{run}-slow"
+        assert read.get("recording.sent", str(run)) == str(run)
 
 
 def test_a_run_replaces_files_of_an_earlier_run_only(ran):
