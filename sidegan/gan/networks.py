@@ -43,9 +43,9 @@ class FromNoise(nn.Module):
 
 
 class DenseGenerator(FromNoise):
-    """Maps noise (B, Z) in [−1, 1] to images (B, 2, J, H), initially of unit spread.
+    """Maps noise (B, Z) in [−1, 1] to images (B, 2, J, H); its layers initially yield unit spread.
 
-    A shortcut is a linear path parallel to the layers (``start_from``).
+    A shortcut is a linear path parallel to the layers, which ``start_from`` sets.
     """
 
     def __init__(
@@ -58,13 +58,10 @@ class DenseGenerator(FromNoise):
         self.shape = (2, joints, harmonics)
         size = 2 * joints * harmonics
         self.shortcut = nn.Linear(noise, size) if shortcut else None
-        if self.shortcut is not None:
-            nn.init.zeros_(self.shortcut.weight)
-            nn.init.zeros_(self.shortcut.bias)
         hidden, last = _hidden(noise, width), nn.Linear(width, size)
         self.layers = nn.Sequential(*hidden, last, nn.Unflatten(1, self.shape))
         with torch.no_grad():
-            last.weight /= self.sample(256).std(0).mean()
+            last.weight /= self.layers(self.draw(256)).std(0).mean()
             last.bias.zero_()
 
     def forward(self, z: Tensor) -> Tensor:
@@ -81,7 +78,7 @@ class DenseGenerator(FromNoise):
         """
         shortcut, last = cast("nn.Linear", self.shortcut), cast("nn.Linear", self.layers[-2])
         x = images.flatten(1).double()
-        values, vectors = torch.linalg.eigh(torch.cov(x.T).reshape(x.shape[1], x.shape[1]))
+        values, vectors = torch.linalg.eigh(torch.cov(x.T))
         count = min(self.noise, x.shape[1])
         # Noise that is uniform on [−1, 1] has variance 1/3.
         root = vectors[:, -count:] * (3 * values[-count:].clamp_min(0)).sqrt()

@@ -173,7 +173,7 @@ class PublishedPretraining:
         if weights is None:
             self._fit(network, torch.tensor(self.samples)[learnt], torch.tensor(self.valid)[learnt], progress)
         else:
-            network.load_state_dict({"scale": network.scale, **weights})
+            network.load_state_dict(weights)
         write_network(folder / "success.pt", network.state_dict(), {})
         samples, valid = self.samples[held.numpy()], self.valid[held.numpy()]
         return scores(network.accepts, self.seeds, samples[~valid], samples, valid)
@@ -202,9 +202,8 @@ class PublishedPretraining:
 
 
 def write_converter(path: Path, weights: dict[str, Tensor]) -> None:
-    """Write a published converter for ``pretraining.load_surrogates``; the authors' weights have no scale."""
-    outputs = len(weights["fc2.bias"])
-    write_network(path, {"scale": torch.ones(outputs), **weights}, {"features": outputs})
+    """Write a published converter for ``pretraining.load_surrogates``."""
+    write_network(path, weights, {"features": len(weights["scale"])})
 
 
 def _split(count: int) -> tuple[Tensor, ...]:
@@ -213,5 +212,6 @@ def _split(count: int) -> tuple[Tensor, ...]:
 
 
 def read_weights(path: Path) -> dict[str, Tensor]:
-    """The authors' weights of a surrogate, by the names of its layers."""
-    return {key: x.float() for key, x in read_tensors(path).items()}
+    """The authors' weights of a surrogate, by the names of its layers, and a scale of one."""
+    weights = {key: x.float() for key, x in read_tensors(path).items()}
+    return {"scale": torch.ones(len(weights["fc2.bias"])), **weights}

@@ -13,7 +13,6 @@ from sidegan.errors import ConfigError
 
 Beta = Annotated[float, Field(ge=0, lt=1)]
 _VARIANTS = "sidegan.gan.variants"
-_SURROGATES = ("features", "success", "fitness")  # losses that use surrogates
 
 
 class Traits(NamedTuple):
@@ -25,7 +24,7 @@ class Traits(NamedTuple):
 
 
 TRAITS = {
-    "Vanilla": Traits(missing=_SURROGATES),
+    "Vanilla": Traits(missing=("features", "success", "fitness")),  # which use surrogates
     "Eigen": Traits("spectrum"),
     "Diagonal": Traits("diagonal"),
     "Predicting": Traits("energies", ("reward",)),

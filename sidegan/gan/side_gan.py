@@ -148,9 +148,8 @@ class SideGAN(pl.LightningModule):
         for _ in range(self.settings.generator_steps):
             self._step(generator, self.generator_loss(len(rows)))
         self.untoggle_optimizer(generator)
-        schedulers: Any = self.lr_schedulers()
-        for scheduler in schedulers if isinstance(schedulers, list) else [schedulers]:
-            scheduler.step()
+        for schedule in self.trainer.lr_scheduler_configs:
+            schedule.scheduler.step()
 
     def generator_loss(self, count: int) -> Tensor:
         """Weighted sum of the losses on a new batch, 0-dimensional."""

@@ -36,9 +36,8 @@ class SuccessPredictor(nn.Module):
     def __init__(self, arm: Arm, trajectory: Trajectory, constraints: int, width: int, steps: int) -> None:
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
-        learned = constraints - self.roll_out.linear
-        layers = _PerTime(self.roll_out.channels, width, width, width, learned) if learned else None
-        self.layers = layers  # None if no margin has to be learned
+        learned = constraints - self.roll_out.linear  # number of margins
+        self.layers = _PerTime(self.roll_out.channels, width, width, width, learned) if learned else None
         self.log_gain = nn.Parameter(torch.full((constraints,), _START_GAIN))
         self.offset = nn.Parameter(torch.zeros(constraints))
 
@@ -125,19 +124,19 @@ def scores(
     faulty samples together: it depends on how many there are of each. ``accuracy_broad`` is over samples of
     all kinds with labels ``valid``, (M,).
     """
+
+    def accepted(x: Array) -> Tensor:
+        return accepts(torch.tensor(x).float())
+
     with torch.no_grad():
-        accepted = {share: accepts(torch.tensor(share * seeds).float()) for share in (1.0, *_SMALLER)}
-        rejected = ~accepts(torch.tensor(faulty).float())
-        right = accepts(torch.tensor(samples).float()) == torch.tensor(valid)
-    both = torch.cat([accepted[1.0], rejected])
-    named = {f"accepted_{100 * share:.0f}": accepted[share] for share in _SMALLER}
-    shares = {
-        "accepted": accepted[1.0],
-        "rejected": rejected,
-        "accuracy_paper": both,
-        "accuracy_broad": right,
-        **named,
-    }
+        of_seeds, rejected = accepted(seeds), ~accepted(faulty)
+        shares = {
+            "accepted": of_seeds,
+            "rejected": rejected,
+            "accuracy_paper": torch.cat([of_seeds, rejected]),
+            "accuracy_broad": accepted(samples) == torch.tensor(valid),
+            **{f"accepted_{100 * share:.0f}": accepted(share * seeds) for share in _SMALLER},
+        }
     return {name: float(x.double().mean()) for name, x in shares.items()}
 
 

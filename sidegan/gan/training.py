@@ -13,6 +13,7 @@ import numpy as np
 import pytorch_lightning as pl
 import torch
 from lightning_fabric.utilities.exceptions import MisconfigurationException
+from pytorch_lightning.callbacks import ModelCheckpoint
 from pytorch_lightning.loggers import Logger
 from torch import nn
 from torch.utils.data import DataLoader, RandomSampler
@@ -36,7 +37,6 @@ from sidegan.validity import Constraints, check, summarise_faults
 
 _log = logging.getLogger(__name__)
 
-_LAST = "last"  # checkpoint
 # Advice that does not apply: the data is small and in memory, surrogates are frozen, discriminators may wait.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*|.*is not empty.*"
 _NOISE += "|.*lr_scheduler.step.*"
@@ -101,12 +101,11 @@ def _fit(model: SideGAN, batches: DataLoader[Any], callbacks: list[pl.Callback],
     there is none or it is damaged.
     """
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
-    saved = run.work / f"{_LAST}.ckpt"
+    saved = run.work / "last.ckpt"
     sound = readable(saved, read_tensors)
     if saved.exists() and not sound:
         _log.warning("the checkpoint %s is damaged: the training starts over", saved)
-    checkpoint = pl.callbacks.ModelCheckpoint
-    saving = checkpoint(run.work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False)
+    saving = ModelCheckpoint(run.work, saved.stem, save_on_train_epoch_end=True, enable_version_counter=False)
     handler = signal.getsignal(signal.SIGINT)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=_NOISE)

@@ -81,10 +81,10 @@ def surrogates(pretraining, tmp_path_factory):
 
 
 def test_given_weights_are_kept_and_evaluated(pretraining, tmp_path):
-    weights = {name: x for name, x in PublishedPredictor().state_dict().items() if name != "scale"}
+    weights = PublishedPredictor().state_dict()
     report = pretraining.train_success(tmp_path, 0, weights, lambda *_: None)
     kept = read_tensors(tmp_path / "success.pt")["weights"]
-    assert kept.pop("scale") == 1 and all(torch.equal(kept[name], x) for name, x in weights.items())
+    assert all(torch.equal(kept[name], x) for name, x in weights.items())
     assert 0 <= report["accuracy_paper"] <= 1
 
 
@@ -157,14 +157,14 @@ def test_the_success_weight_grows_after_fitness_start(papers, variants, monkeypa
 )
 def test_the_authors_weights_fit_the_networks(name, network):
     weights = read_weights(AUTHORS / WEIGHTS[name])
-    own = {key: x.shape for key, x in network.state_dict().items() if key != "scale"}
-    assert {key: x.shape for key, x in weights.items()} == own
+    own = {key: x.shape for key, x in network.state_dict().items()}
+    assert {key: x.shape for key, x in weights.items()} == own and (weights["scale"] == 1).all()
 
 
 @pytest.mark.skipif(not AUTHORS.exists(), reason="the authors' weights are not at hand")
 def test_the_authors_predictor_accepts_their_motions_only_if_they_are_small():
     shipped, predictor = PublishedSeeds(AUTHORS), PublishedPredictor()
-    predictor.load_state_dict({"scale": predictor.scale, **read_weights(shipped.weights("predictor"))})
+    predictor.load_state_dict(read_weights(shipped.weights("predictor")))
     images = Layout(7, 6).image(shipped.read(FAMILY))
     told = scores(predictor.accepts, images, images[:1], images[:1], np.array([True]))
     assert told["accepted"] < 0.01 and told["accepted_25"] == 1
