@@ -138,11 +138,7 @@ class Objective:
         arm, drives = body.arm, body.arm.known_drives
         terms, subspace, arrays = _kernel_goal(goal, body, trajectory.period)
         joints, harmonics, _ = trajectory.shape
-        lower, upper = arm.position_lower, arm.position_upper
-        middle, room = (upper + lower) / 2, (upper - lower) / 2
         torque = np.maximum(arm.torque_limit - drives.coulomb, _LEAST * arm.torque_limit)
-        torque = torque if constraints.torque else np.full(joints, np.inf)
-        parameters = array(arm.inertial_parameters.ravel())
         higher = array(constraints.higher_rows).reshape(-1, joints)
         if matrix is None:
             matrix = np.tile(np.eye(2 * harmonics), (joints, 1, 1))
@@ -153,7 +149,7 @@ class Objective:
 
         self.samples = problem.samples
         self.finer = refine * problem.samples
-        plan = kernel.Plan(
+        self.plan = kernel.Plan(
             chain=body.chain,
             shapes=constraints.bodies.shapes,
             columns=columns_of_links(body.base.columns, joints),
@@ -168,11 +164,11 @@ class Objective:
                 reserve=0.0,
                 torque_weight=0.0,
                 torque_reserve=0.0,
-                middle=middle,
-                room=room,
+                middle=(arm.position_upper + arm.position_lower) / 2,
+                room=(arm.position_upper - arm.position_lower) / 2,
                 speed=array(arm.velocity_limit),
-                torque=torque,
-                parameters=parameters,
+                torque=torque if constraints.torque else np.full(joints, np.inf),
+                parameters=array(arm.inertial_parameters.ravel()),
                 viscous=array(drives.viscous),
                 rotor=array(drives.rotor_inertia),
             ),
@@ -182,20 +178,21 @@ class Objective:
             reach=0.0,
             goal=arrays,
         )
-        self.plan = plan if penalty is None else self.penalised(plan, penalty)
+        if penalty is not None:
+            self.plan = self.penalised(penalty)
         self.scratch = kernel.plan_buffers(self.plan)
 
-    def penalised(self, plan: kernel.Plan, penalty: Penalty) -> kernel.Plan:
-        """Plan with another penalty."""
-        torque_weight = penalty.weight if np.isfinite(plan.limits.torque).any() else 0.0
-        limits = plan.limits._replace(
+    def penalised(self, penalty: Penalty) -> kernel.Plan:
+        """The plan with another penalty."""
+        torque_weight = penalty.weight if np.isfinite(self.plan.limits.torque).any() else 0.0
+        limits = self.plan.limits._replace(
             weight=penalty.weight / self.finer,
             reserve=penalty.limits,
             torque_weight=torque_weight / self.samples,
             torque_reserve=penalty.torque,
         )
         close = penalty.weight / _DISTANCE**2  # weight of the squared shortfall of a distance [1/m²]
-        return plan._replace(limits=limits, close=close / self.finer, reach=penalty.distance * _DISTANCE)
+        return self.plan._replace(limits=limits, close=close / self.finer, reach=penalty.distance * _DISTANCE)
 
     def __call__(self, x: Array, gradient: Array) -> tuple[float, float]:
         """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K)."""

@@ -63,7 +63,7 @@ class Descent:
         rough = Penalty(_ROUGH, limits=reserve, torque=reserve, distance=2 * reserve)
         refine = 1 if problem.samples >= _DENSE * problem.trajectory.harmonics else _REFINE
         self._objective = Objective(problem, goal, rough, refine, self.coordinates.matrix)
-        self._strict = self._objective.penalised(self._objective.plan, replace(rough, weight=_STRICT))
+        self._strict = self._objective.penalised(replace(rough, weight=_STRICT))
         joints, harmonics, _ = problem.trajectory.shape
         self._state = descent.descent_state(joints, 2 * harmonics, _MEMORY)
 

@@ -50,27 +50,23 @@ class TrajectoryGenerator(nn.Module):
     ) -> None:
         super().__init__()
         self.network, self.scaling = network, scaling
-        self.box = None if box is None else CoefficientBox(box)
-        self.limits = LimitLayer(arm, trajectory) if limited else None
+        self.box = nn.Identity() if box is None else CoefficientBox(box)
+        self.limits = LimitLayer(arm, trajectory) if limited else nn.Identity()
+        self.options = {"limited": limited, "box": box, "corrections": corrections}
         width = network.settings["width"]
         self.corrections = nn.ModuleList(Correction(arm, trajectory, width) for _ in range(corrections))
         self.trajectory, self.arm = trajectory, arm
         self.float()
 
-    def boxed(self, free: Tensor) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), within the box; ``free`` itself without one."""
-        return free if self.box is None else self.box(free)
-
     def bounded(self, free: Tensor) -> Tensor:
         """Coefficients [rad/s], (B, J, H, 2), within the box and the limits; ``free`` itself without both."""
-        c = self.boxed(free)
-        return c if self.limits is None else self.limits(c)
+        return self.limits(self.box(free))
 
     def images(self, count: int, stream: torch.Generator | None = None) -> Tensor:
         """New images, (count, 2, …); corrections see motions before the limits, and their use of these."""
         images = self.network.sample(count, stream)
         for correction in self.corrections:
-            images = images + correction(images, self.boxed(self.scaling.coefficients(images)))
+            images = images + correction(images, self.box(self.scaling.coefficients(images)))
         return images
 
     @torch.no_grad()
@@ -103,9 +99,7 @@ class TrajectoryGenerator(nn.Module):
             "limits": {name: None if x is None else torch.tensor(x) for name, x in limits.items()},
             "trajectory": asdict(self.trajectory) | {"home": list(self.trajectory.home or ())},
             "network": self.network.settings,
-            "limited": self.limits is not None,
-            "box": None if self.box is None else self.box.size,
-            "corrections": len(self.corrections),
+            **self.options,
             "published": isinstance(self.scaling, PublishedScaling),
             "weights": self.state_dict(),
         }
@@ -133,8 +127,8 @@ class TrajectoryGenerator(nn.Module):
             network = (ConvolutionalGenerator if published else DenseGenerator)(**content["network"])
             ours = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
             scaling = PublishedScaling(joints, family.harmonics) if published else ours
-            last = {name: content[name] for name in ("limited", "box", "corrections")}
-            generator = cls(network, scaling, family, arm or _stored_limits(content), **last)
+            options = {name: content[name] for name in ("limited", "box", "corrections")}
+            generator = cls(network, scaling, family, arm or _stored_limits(content), **options)
             generator.load_state_dict(content["weights"])
         return generator.eval()
 

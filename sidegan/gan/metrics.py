@@ -38,7 +38,7 @@ def measure_samples(
     None of them suffices alone: a generator that hardly moves is valid, one with a few distant modes has a
     large mean distance, one with a common offset a small condition number. ``condition`` is the median over
     all samples and ``condition_mean`` their mean, as in figure 3 of the paper; ``condition_valid`` is the
-    median over the valid ones (NaN if there are none). ``expected_errors`` uses the valid ones only.
+    median over the valid ones (NaN if there are none). Errors are those of sets of valid ones.
     """
     valid = check(constraints, trajectory, c).valid
     excitation = measure_excitation(constraints.body, trajectory, c)

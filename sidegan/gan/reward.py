@@ -103,7 +103,7 @@ class Worth:
     def learn(self, c: Array) -> None:
         """Update the running means of information and noise with trajectories [rad/s], (B, J, H, 2)."""
         new = np.stack([x.mean(0) for x in self.prediction.informations(c)])
-        self.seen = self.seen + 1
+        self.seen += 1
         self.means = self.means + max(_FORGETTING, 1 / self.seen) * (new - self.means)
 
     @property

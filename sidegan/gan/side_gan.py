@@ -8,7 +8,7 @@ from typing import Any
 
 import pytorch_lightning as pl
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError, SideganError
@@ -127,7 +127,8 @@ class SideGAN(pl.LightningModule):
         if c is not free:  # discriminators see what would be executed
             images = generator.scaling.image(c)
         seen = c if self.settings.published is None else images  # by the converter
-        return Batch(c, images, c if generator.box is None else free, lambda: self.converter(seen))
+        before_box = c if isinstance(generator.box, nn.Identity) else free
+        return Batch(c, images, before_box, lambda: self.converter(seen))
 
     def training_step(self, rows: Tensor, index: int) -> None:
         """The adversarial loop: a step of the discriminators on examples, then the generator's.
@@ -144,10 +145,9 @@ class SideGAN(pl.LightningModule):
             loss = torch.stack([adversary.own_loss(rows, fake) for adversary in learning]).sum()
             self._record("discriminator", loss)
             self._step(others[0], loss)
-        self.toggle_optimizer(generator)  # no gradients of the discriminators' weights
-        for _ in range(self.settings.generator_steps):
-            self._step(generator, self.generator_loss(len(rows)))
-        self.untoggle_optimizer(generator)
+        with self.toggled_optimizer(generator):  # no gradients of the discriminators' weights
+            for _ in range(self.settings.generator_steps):
+                self._step(generator, self.generator_loss(len(rows)))
         for schedule in self.trainer.lr_scheduler_configs:
             schedule.scheduler.step()
 

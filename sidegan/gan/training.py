@@ -4,6 +4,7 @@ import logging
 import math
 import signal
 import warnings
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
@@ -147,7 +148,7 @@ class Refreshed(pl.Callback):
     def __init__(self, settings: Refresh, seed: int) -> None:
         self.settings = settings
         self.random = torch.Generator().manual_seed(-1 - seed)  # independent of weights and batches
-        self.window: list[Labelled] = []  # samples of the last epochs
+        self.window = deque[Labelled](maxlen=settings.window)  # samples of the last epochs
         self.saved: dict[str, Any] | None = None  # state of the optimiser in a checkpoint
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
@@ -164,7 +165,7 @@ class Refreshed(pl.Callback):
         new = pl_module.generator.sample(settings.samples, self.random)
         steps = predictor.roll_out.steps
         made = label(data.constraints, data.trajectory, new, steps, lambda *_: None, pl_module.energies)
-        self.window = [*self.window, made][-settings.window :]
+        self.window.append(made)
         recent = Labelled.join(self.window)
         features = getattr(recent, str(pl_module.settings.features)).astype(np.float32)
         labels = (recent.c, recent.margins, recent.valid, features)
@@ -187,7 +188,7 @@ class Refreshed(pl.Callback):
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Restore the state of a checkpoint."""
         self.saved = state_dict["adam"]
-        self.window = [Labelled(*(x.cpu().numpy() for x in batch)) for batch in state_dict["window"]]
+        self.window.extend(Labelled(*(x.cpu().numpy() for x in batch)) for batch in state_dict["window"])
         self.random.set_state(state_dict["random"].cpu())
 
 
