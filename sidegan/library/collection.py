@@ -185,7 +185,7 @@ def join(parts: Iterable[Library], count: int) -> Library:
     columns = dict[str, Array]()
     source = list[str]()
     for part in parts:
-        first = first or part
+        first = part if first is None else first
         own, other = asdict(first.family()), asdict(part.family())
         if wrong := [f"{key} {own[key]} and {other[key]}" for key in own if own[key] != other[key]]:
             raise ShapeError(f"libraries that cannot be merged differ in {'; '.join(wrong)}")

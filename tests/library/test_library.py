@@ -176,7 +176,8 @@ def test_a_library_of_another_robot_is_refused(path, planar):
 OTHERS = {"digest": "d2", "period": 8.0, "home": (0.0, 0.0), "harmonics": 2, "margins": {}}
 
 
+@pytest.mark.parametrize("count", [0, 4])
 @pytest.mark.parametrize("name", OTHERS)
-def test_libraries_of_other_families_are_not_merged(name):
+def test_libraries_of_other_families_are_not_merged(name, count):
     with refused(ShapeError, name):
-        library(4).merge(library(4, **{name: OTHERS[name]}))
+        library(count).merge(library(4, **{name: OTHERS[name]}))
