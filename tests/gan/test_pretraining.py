@@ -76,11 +76,9 @@ def test_surrogates_learn_validity_and_features(pretrained):
 
 @pytest.mark.parametrize("kind", ["Diagonal", "Predicting"])
 def test_trained_surrogates_load_frozen_and_identical(pretrained, planar, family, seeds, full, kind):
-    reward = Reward(proportional=1.0, constant=1.0) if kind == "Predicting" else None
-    variant, c = (
-        replace(full, _target_=f"sidegan.gan.variants.{kind}", reward=reward),
-        torch.tensor(seeds[:5]).float(),
-    )
+    reward = Reward() if kind == "Predicting" else None
+    variant = replace(full, _target_=f"sidegan.gan.variants.{kind}", reward=reward)
+    c = torch.tensor(seeds[:5]).float()
     loaded, again = (load_surrogates(pretrained[0], variant, planar, family) for _ in range(2))
     for network, twin in zip(loaded, again):
         assert not any(p.requires_grad for p in network.parameters()) and not network.training

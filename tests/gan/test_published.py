@@ -8,9 +8,7 @@ import pytest
 import torch
 
 from sidegan.base.typed import changed
-from sidegan.errors import ConfigError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.pretraining import load_surrogates
 from sidegan.gan.published import (
     IMAGE,
     ConvolutionalDiscriminator,
@@ -23,12 +21,11 @@ from sidegan.gan.published import (
 from sidegan.gan.side_gan import Data
 from sidegan.gan.surrogates import scores
 from sidegan.gan.tensors import read_tensors
-from sidegan.gan.training import TrainingRun, train_variant
 from sidegan.gan.variants import PublishedEigen, unevenness
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeding.published import WEIGHTS, Layout, PublishedSeeds
 from sidegan.validity import Constraints, check
-from tests.gan.conftest import REFRESH
+from tests.gan.conftest import with_surrogates
 from tests.golden.make import DATA
 from tests.tiny import tiny
 
@@ -49,26 +46,19 @@ def papers(arm):
     """The arm and 60 trajectories of which some are valid and some are not."""
     noise = np.random.default_rng(0)
     c = 0.2 * noise.random((60, 1, 1, 1)) * noise.uniform(-1, 1, (60, *FAMILY.shape))
-    return Constraints(arm, torque=False), c
-
-
-def trained(papers, variant, work, folder=None, samples=0):
-    constraints, c = papers
-    known = load_surrogates(folder, variant, constraints.arm, FAMILY) if folder else ()
-    run = TrainingRun("small", 0, work, evaluation=10, samples=samples)
-    return train_variant(variant, Data(constraints, FAMILY, c, *known), run)
+    return Data(Constraints(arm, torque=False), FAMILY, c)
 
 
 @pytest.fixture(scope="module")
-def vanilla(papers, variants, tmp_path_factory):
-    return trained(papers, variants["vanilla"], tmp_path_factory.mktemp("vanilla"), samples=25)
+def vanilla(trained, papers, variants, tmp_path_factory):
+    return trained(variants["vanilla"], tmp_path_factory.mktemp("vanilla"), data=papers, samples=25)
 
 
 @pytest.fixture(scope="module")
 def pretraining(papers, vanilla):
-    constraints, c = papers
-    valid = check(constraints, FAMILY, Layout(7, 6).coefficients(vanilla.samples.astype(float))).valid
-    return PublishedPretraining(20, Layout(7, 6).image(c), vanilla.samples, valid)
+    made = Layout(7, 6).coefficients(vanilla.samples.astype(float))
+    valid = check(papers.constraints, FAMILY, made).valid
+    return PublishedPretraining(20, Layout(7, 6).image(papers.seeds), vanilla.samples, valid)
 
 
 @pytest.fixture(scope="module")
@@ -88,26 +78,15 @@ def test_given_weights_are_kept_and_evaluated(pretraining, tmp_path):
     assert 0 <= report["accuracy_paper"] <= 1
 
 
-def test_a_variant_trains_on_its_surrogates_and_reloads(papers, variants, surrogates, tmp_path, arm):
-    made, report = surrogates
+def test_a_variant_trains_on_its_surrogates_and_reloads(trained, papers, variants, surrogates, tmp_path, arm):
+    report, variant = surrogates[1], variants["eigen"]
     assert 0 <= report["accuracy_broad"] <= 1 and report["error_spectrum"] < 1
-    generator = trained(papers, variants["eigen"], tmp_path / "work", made).generator
+    data = with_surrogates(papers, surrogates, variant)
+    generator = trained(variant, tmp_path / "work", data=data).generator
     generator.save(tmp_path / "generator.pt")
     again, c = TrajectoryGenerator.load(tmp_path / "generator.pt", arm), generator.sample(23, 5)
     assert np.array_equal(again.sample(23, 5), c) and c.shape == (23, *FAMILY.shape)
     assert np.abs(c).max() < 1 / 4.9
-
-
-def test_unsupported_shapes_and_options_are_refused(variants, planar, tmp_path):
-    family = Trajectory(2, 3, 8.0)
-    data = Data(Constraints(planar), family, np.random.default_rng(0).random((9, *family.shape)))
-    with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):
-        train_variant(variants["vanilla"], data, TrainingRun("x", 0, tmp_path))
-    for option, value in {"gaussian_start": True, "corrections": 1}.items():
-        with pytest.raises(ConfigError, match=f"a convolutional generator has no {option}: set it to"):
-            changed(variants["eigen"], {"generator": {option: value}})
-    with pytest.raises(ConfigError, match="PublishedEigen has no surrogates to refresh"):
-        replace(variants["eigen"], refresh=REFRESH)
 
 
 def test_batches_are_normalised_independently_and_each_epoch_is_sampled(vanilla):
@@ -139,11 +118,8 @@ def test_published_losses_equal_their_closed_forms():
 
 
 def test_the_success_weight_grows_after_fitness_start(papers, variants, monkeypatch):
-    constraints, c = papers
-    known = {"success_predictor": PublishedPredictor(), "converter": PublishedConverter(5)}
-    model = PublishedEigen(
-        replace(variants["eigen"], fitness_start=10, epochs=50), Data(constraints, FAMILY, c, **known)
-    )
+    data = replace(papers, success_predictor=PublishedPredictor(), converter=PublishedConverter(5))
+    model = PublishedEigen(replace(variants["eigen"], fitness_start=10, epochs=50), data)
     weights = []
     for epoch in (0, 10, 20):
         monkeypatch.setattr(PublishedEigen, "current_epoch", epoch)

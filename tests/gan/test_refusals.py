@@ -17,6 +17,8 @@ PHYSICS, REWARD = {"samples": 9, "reserve": 0}, {"proportional": 1, "constant": 
 FIT = asdict(replace(NONE, fitness=1))
 FAST = {"generator": GeneratorSettings(learning_rate=1e38, warm_up=0, corrections=0)}
 RANK = replace(NONE, rank=1.0)
+CONVOLUTIONAL = {"network": "convolutional", "gaussian_start": False}
+IMAGES = {"generator": GeneratorSettings(**CONVOLUTIONAL, corrections=0)}
 EXACT = {
     "_target_": "sidegan.gan.variants.Exact",
     "exact": PHYSICS,
@@ -52,6 +54,12 @@ def named(name: str) -> dict[str, str]:
         ({"published": {"fitness": "ratio"}}, ["Vanilla", "published"]),
         ({"refresh": asdict(REFRESH)}, ["Vanilla", "refresh"]),
         (named("PublishedEigen"), ["PublishedEigen", "settings published"]),
+        (
+            {**named("PublishedEigen"), "published": {"fitness": "ratio"}, "refresh": asdict(REFRESH)},
+            ["PublishedEigen", "refresh"],
+        ),
+        ({"generator": {"network": "convolutional"}}, ["convolutional", "gaussian_start"]),
+        ({"generator": CONVOLUTIONAL}, ["convolutional", "corrections"]),
         ({"weights": asdict(NONE)}, ["weights"]),
         ({**named("Eigen"), "weights": FIT, "fitness_start": 1}, ["weights", "first epoch"]),
     ],
@@ -77,6 +85,7 @@ def test_a_variant_made_in_python_is_refused_alike(vanilla, settings):
         (SideganError, "small diverged in epoch 0: .*smaller", FAST, lambda seeds: seeds),
         (SideganError, "its trajectories are not finite", {**FAST, "weights": RANK}, lambda seeds: seeds),
         (ConfigError, "small needs a success predictor", named("Eigen"), lambda seeds: seeds),
+        (ConfigError, "7 joints and 6 harmonics", IMAGES, lambda seeds: seeds),
     ],
 )
 def test_impossible_trainings_are_refused(vanilla, data, error, words, change, spoil, tmp_path):

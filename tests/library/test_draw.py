@@ -74,13 +74,8 @@ class Source:
         return SimpleNamespace(valid=valid, faults=lambda: Counter({"torque of wrist": int((~valid).sum())}))
 
     def draw(self, count, batch, draws, least=1, origin="drawn from eigen", report=None):
-        return draw_valid(
-            self.sample,
-            self.check,
-            Expansion(count=count, batch=batch, draws=draws, least=least),
-            origin,
-            report,
-        )
+        settings = Expansion(count=count, batch=batch, draws=draws, least=least)
+        return draw_valid(self.sample, self.check, settings, origin, report)
 
 
 def test_the_first_valid_ones_are_kept_in_order(caplog):
