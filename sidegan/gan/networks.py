@@ -58,7 +58,7 @@ class DenseGenerator(FromNoise):
         self.shape = (2, joints, harmonics)
         size = 2 * joints * harmonics
         self.shortcut = nn.Linear(noise, size) if shortcut else None
-        hidden, last = _hidden(noise, width), nn.Linear(width, size)
+        hidden, last = _hidden(noise, width, width, width), nn.Linear(width, size)
         self.layers = nn.Sequential(*hidden, last, nn.Unflatten(1, self.shape))
         with torch.no_grad():
             last.weight /= self.layers(self.draw(256)).std(0).mean()
@@ -99,7 +99,7 @@ class Discriminator(nn.Module):
 
     def __init__(self, inputs: int, width: int) -> None:
         super().__init__()
-        self.layers = nn.Sequential(*_hidden(2 * inputs, width), nn.Linear(width, 1))
+        self.layers = nn.Sequential(*_hidden(2 * inputs, width, width, width), nn.Linear(width, 1))
 
     def forward(self, x: Tensor) -> Tensor:
         """Logits (B,)."""
@@ -108,9 +108,8 @@ class Discriminator(nn.Module):
         return self.layers(torch.cat([x, spread], 1))[:, 0]
 
 
-def _hidden(inputs: int, width: int) -> list[nn.Module]:
-    """Three dense layers, each with a ReLU."""
-    sizes = [inputs, width, width, width]
+def _hidden(*sizes: int) -> list[nn.Module]:
+    """Dense layers from each size to the next, each with a ReLU."""
     return [module for a, b in pairwise(sizes) for module in (nn.Linear(a, b), nn.ReLU())]
 
 
@@ -169,8 +168,7 @@ class Correction(nn.Module):
         last = nn.Linear(width, size)
         nn.init.zeros_(last.weight)
         nn.init.zeros_(last.bias)
-        hidden = [nn.Linear(inputs, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU()]
-        self.layers = nn.Sequential(*hidden, last)
+        self.layers = nn.Sequential(*_hidden(inputs, width, width), last)
 
     def forward(self, images: Tensor, c: Tensor) -> Tensor:
         """Corrections of images (B, 2, J, H) of trajectories with coefficients c [rad/s]."""

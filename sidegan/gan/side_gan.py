@@ -149,7 +149,7 @@ class SideGAN(pl.LightningModule):
             for _ in range(self.settings.generator_steps):
                 self._step(generator, self.generator_loss(len(rows)))
         for schedule in self.trainer.lr_scheduler_configs:
-            schedule.scheduler.step()
+            schedule.scheduler.step()  # type: ignore[call-arg]  # of another kind than ours
 
     def generator_loss(self, count: int) -> Tensor:
         """Weighted sum of the losses on a new batch, 0-dimensional."""
