@@ -263,7 +263,7 @@ def variant_recipe(name: str) -> Variant:
     """
     found = chosen("gan", name, DEFAULTS, "defaults@gan.generator=generator")
     if name not in found:
-        several = ", ".join(found.keys() - {"generator"})
+        several = ", ".join(key for key in found if key != "generator")
         raise ConfigError(f"there is no variant {name!r}: gan={name} is {several}")
     return build(Variant, found[name])
 

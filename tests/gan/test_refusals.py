@@ -7,7 +7,7 @@ import pytest
 
 from sidegan.base.typed import build
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError, SideganError
-from sidegan.gan.settings import GeneratorSettings, Variant
+from sidegan.gan.settings import GeneratorSettings, Variant, variant_recipe
 from sidegan.gan.training import TrainingRun, random_trajectories, train_variant
 from sidegan.validity import Constraints, Plane
 from tests.gan.conftest import NONE, REFRESH
@@ -67,6 +67,11 @@ def named(name: str) -> dict[str, str]:
 def test_impossible_variants_are_refused(vanilla, settings, names):
     with refused(ConfigError, *names):
         build(Variant, {**asdict(vanilla), **settings})
+
+
+def test_a_choice_of_several_variants_is_no_variant():
+    with refused(ConfigError, "'paper'", "gan=paper is vanilla, eigen, diagonal"):
+        variant_recipe("paper")
 
 
 @pytest.mark.parametrize("settings", [named("Colour"), {"weights": {"rank": 1}}, {"weights": NONE}])
