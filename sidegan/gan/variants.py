@@ -134,8 +134,7 @@ class Exact(SideGAN):
 
     def violation(self, batch: Batch) -> Tensor:
         """Mean squared relative violation of the constraints, with a reserve."""
-        c = batch.coefficients
-        return violation(self.problem, c, self.penalty).to(c).mean()
+        return violation(self.problem, batch.coefficients, self.penalty).mean()
 
     def fitness(self, batch: Batch) -> Tensor:
         """Minus the mean log worth for prediction, a part of the batch for each noise, with its weight."""

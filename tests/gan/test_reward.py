@@ -85,6 +85,7 @@ def test_single_precision_and_rest_have_finite_energies_and_gradients(planar, no
     for c in (problem.start(4, noise), np.zeros((2, *problem.trajectory.shape))):
         slope = slope_of(total, torch.tensor(c).float())
         assert slope.dtype == torch.float32 and torch.isfinite(slope).all()
+        assert violation(problem, torch.tensor(c).float(), Penalty(3.0)).dtype == torch.float32
 
 
 @pytest.fixture(scope="module")
