@@ -140,8 +140,7 @@ def _read_mass(link: ET.Element, where: str) -> tuple[float, str]:
         inertia = xml.child(inertial, "inertia", where)
         for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
             xml.scalar(inertia, key, where)
-        for key in ("xyz", "rpy"):
-            xml.vector(inertial.find("origin"), key, where, "0 0 0")
+        xml.origin(inertial, where)
     except RobotError as error:
         link.remove(inertial)
         return 0.0, str(error)
@@ -205,8 +204,7 @@ def _separate(link: ET.Element) -> None:
 
 def _checked_shape(collision: ET.Element, where: str) -> ET.Element:
     """The shape of a collision element, of a known kind and with positive sizes."""
-    for key in ("xyz", "rpy"):
-        xml.vector(collision.find("origin"), key, where, "0 0 0")
+    xml.origin(collision, where)
     geometry = xml.child(collision, "geometry", where)
     if len(geometry) != 1 or geometry[0].tag not in _SIZES:
         given = ", ".join(str(shape.tag) for shape in geometry) or "none"

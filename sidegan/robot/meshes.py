@@ -9,8 +9,8 @@ from glob import escape
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.base.cache import user_cache
 from sidegan.base.storage import write_bytes
 from sidegan.errors import ConfigError, RobotError
@@ -85,7 +85,7 @@ def has_surface(file: Path) -> bool:
         return True
 
 
-def read_mesh(file: Path) -> NDArray[np.float64]:
+def read_mesh(file: Path) -> Array:
     """Vertices (V, 3) of a mesh file.
 
     Raises:
@@ -107,7 +107,7 @@ def cache_folder() -> Path:
     return user_cache() or Path(tempfile.gettempdir()) / "sidegan"
 
 
-def kept_mesh(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Path:
+def kept_mesh(vertices: Array, faces: Array) -> Path:
     """Cached mesh file of vertices [m], (V, 3), and triangles (F, 3), named by its digest."""
     import trimesh
     from trimesh.exchange.stl import export_stl

@@ -39,16 +39,14 @@ def lock(joint: UrdfJoint, value: float, at: str) -> None:
     element = joint.element
     if value and joint.kind in (*TURNING, "prismatic"):
         axis = unit_axis(joint, at)
-        origin = element.find("origin")
-        place = np.array(xml.vector(origin, "xyz", at, "0 0 0"))
-        turn = from_rpy(xml.vector(origin, "rpy", at, "0 0 0"))
+        xyz, rpy = xml.origin(element, at)
+        place, turn = np.array(xyz), from_rpy(rpy)
         if joint.kind == "prismatic":
             place = place + turn @ axis * value
         else:
             turn = turn @ pin.exp3(value * axis)
-        if origin is None:
-            origin = ET.SubElement(element, "origin")
-        write_placement(origin, turn, place)
+        origin = element.find("origin")
+        write_placement(ET.SubElement(element, "origin") if origin is None else origin, turn, place)
     element.set("type", "fixed")
     for tag in ("mimic", "limit", "axis", "safety_controller", "dynamics", "calibration"):
         for extra in element.findall(tag):

@@ -177,6 +177,5 @@ def _joint(element: ET.Element, name: str, at: str, reduction: float) -> UrdfJoi
     kind = element.get("type", "")
     if kind not in (*MOVABLE, *REFUSED, "fixed"):
         raise RobotError(f"{at} is of type {kind!r}, expected revolute, prismatic, continuous or fixed")
-    for key in ("xyz", "rpy"):
-        xml.vector(element.find("origin"), key, at, "0 0 0")
+    xml.origin(element, at)
     return UrdfJoint(name, kind, parent, child, element, reduction)

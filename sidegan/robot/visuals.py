@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
@@ -33,8 +33,8 @@ class Surface(NamedTuple):
     """A surface that moves with a joint."""
 
     link: int  # joint in whose frame it lies, 0..J-1; -1 is the base
-    vertices: NDArray[np.float64]  # [m], (V, 3), in the joint's frame
-    faces: NDArray[np.int64]  # (F, 3)
+    vertices: Array  # [m], (V, 3), in the joint's frame
+    faces: Array  # (F, 3)
 
 
 def visual_parts(arm: Arm) -> list[Surface]:
@@ -73,9 +73,8 @@ def links_with_frames(arm: Arm) -> Iterator[tuple[ET.Element, pin.Frame]]:
 
 def read_surface(arm: Arm, visual: ET.Element, link: pin.Frame) -> Surface:
     """Surface of a shape in its joint's frame; shapes far too large or small for the arm are refused."""
-    origin = visual.find("origin")
-    shift = np.array(xml.vector(origin, "xyz", "a shape", "0 0 0"))
-    turn = link.placement.rotation @ from_rpy(xml.vector(origin, "rpy", "a shape", "0 0 0"))
+    xyz, rpy = xml.origin(visual, "a shape")
+    turn = link.placement.rotation @ from_rpy(rpy)
     shape = xml.child(visual, "geometry", "a shape")[0]
     surface = _surface(shape, arm.urdf)
     points = np.asarray(surface.vertices, float)
@@ -83,9 +82,8 @@ def read_surface(arm: Arm, visual: ET.Element, link: pin.Frame) -> Surface:
     moves = bool(link.parentJoint)
     if why := of_another_order(size, length_of(vars(arm)), moves, shape.tag == "mesh"):
         raise RobotError(f"a shape is {why}")
-    return Surface(
-        link.parentJoint - 1, points @ turn.T + link.placement.act(shift), np.asarray(surface.faces)
-    )
+    place = link.placement.act(np.array(xyz))
+    return Surface(link.parentJoint - 1, points @ turn.T + place, np.asarray(surface.faces))
 
 
 def _surface(shape: ET.Element, urdf: Path) -> "trimesh.Trimesh":
@@ -108,9 +106,7 @@ def _surface(shape: ET.Element, urdf: Path) -> "trimesh.Trimesh":
     return trimesh.creation.capsule(length, radius, count=_FINE)
 
 
-def capsule_surface(
-    a: NDArray[np.float64], b: NDArray[np.float64], radius: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def capsule_surface(a: Array, b: Array, radius: float) -> tuple[Array, Array]:
     """Surface of a capsule around the segment from a to b [m]: vertices [m], (V, 3), and triangles (F, 3)."""
     import trimesh
 

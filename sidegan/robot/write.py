@@ -125,12 +125,11 @@ def _round(root: ET.Element) -> None:
         for shape in [child for child in link if child.find("geometry/capsule") is not None]:
             capsule = xml.child(xml.child(shape, "geometry", ""), "capsule", "")
             radius = capsule.get("radius", "")
-            origin = xml.child(shape, "origin", "")
-            place = np.array(xml.vector(origin, "xyz", ""))
-            axis = from_rpy(xml.vector(origin, "rpy", ""))[:, 2]
+            place, rpy = xml.origin(shape, "")
+            axis = from_rpy(rpy)[:, 2]
             for side in (-0.5, 0.5):
                 ball = ET.SubElement(link, shape.tag)
-                centre = place + side * xml.scalar(capsule, "length", "") * axis
+                centre = np.array(place) + side * xml.scalar(capsule, "length", "") * axis
                 ET.SubElement(ball, "origin", xyz=words(centre), rpy="0 0 0")
                 ET.SubElement(ET.SubElement(ball, "geometry"), "sphere", radius=radius)
             capsule.tag = "cylinder"

@@ -81,6 +81,12 @@ def vector(
     return values
 
 
+def origin(owner: ET.Element, where: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Translation [m], and roll, pitch and yaw [rad], of an element's <origin>; zero where it is silent."""
+    place = owner.find("origin")
+    return vector(place, "xyz", where, "0 0 0"), vector(place, "rpy", where, "0 0 0")
+
+
 def words(values: Iterable[SupportsFloat]) -> str:
     """Numbers as an attribute's text, exactly."""
     return " ".join(repr(float(x)) for x in values)
