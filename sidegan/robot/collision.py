@@ -96,20 +96,15 @@ def _refused_pairs(
 
     Of each pair the share of free configurations that are refused. For a cache, ``known`` tells scenes apart.
     """
-    hulls, owners = _hulls(shapes)
-    _pair(hulls, owners, description)
-    if not hulls.collisionPairs:
+    hulls = _hulls(shapes, model)
+    links = _pair(hulls, model, description)
+    if not links:
         return {}
     geometry.removeAllCollisionPairs()
-    _pair(
-        geometry,
-        [model.frames[geometry_object.parentFrame].name for geometry_object in geometry.geometryObjects],
-        description,
-    )
+    _pair(geometry, model, description)
     state, found, meshes = model.createData(), hulls.createData(), geometry.createData()
     for request in meshes.collisionRequests:
         request.enable_contact = True  # else coal 3.0 misses some contacts of cylinders
-    links = [(owners[pair.first], owners[pair.second]) for pair in hulls.collisionPairs]
     configurations, alone, free = _sampled(model, description, len(links)), Counter[tuple[str, str]](), 0
     for q in configurations:
         touching = set[tuple[str, str]]()
@@ -122,11 +117,10 @@ def _refused_pairs(
     return {pair: times / free for pair, times in sorted(alone.items()) if times > enough}
 
 
-def _hulls(shapes: Sequence[Shape]) -> tuple[pin.GeometryModel, list[str]]:
-    """Hulls of all shapes that are not flat, and the links that they belong to."""
+def _hulls(shapes: Sequence[Shape], model: pin.Model) -> pin.GeometryModel:
+    """Hulls of all shapes that are not flat."""
     hulls = pin.GeometryModel()
-    owners = list[str]()
-    for shape in shapes:
+    for k, shape in enumerate(shapes):
         corners = shape.part.corners
         if (hull := hull_of(corners)) is None:
             continue
@@ -136,22 +130,25 @@ def _hulls(shapes: Sequence[Shape]) -> tuple[pin.GeometryModel, list[str]]:
         triangles = coal.StdVec_Triangle()
         points.extend(list(corners + _OUT * shape.part.rounding * out))  # coal cannot inflate hulls
         triangles.extend([coal.Triangle(*face) for face in hull.simplices.tolist()])
-        name = str(len(owners))
+        frame = model.getFrameId(shape.owner, pin.FrameType.BODY)
         body = coal.Convex(points, triangles)
-        hulls.addGeometryObject(pin.GeometryObject(name, shape.link + 1, pin.SE3.Identity(), body))
-        owners.append(shape.owner)
-    return hulls, owners
+        hulls.addGeometryObject(pin.GeometryObject(str(k), shape.link + 1, frame, pin.SE3.Identity(), body))
+    return hulls
 
 
-def _pair(hulls: pin.GeometryModel, owners: Sequence[str], description: Description) -> None:
-    """Register collision pairs of all links that must not touch."""
+def _pair(geometry: pin.GeometryModel, model: pin.Model, description: Description) -> list[tuple[str, str]]:
+    """Register collision pairs of all links that must not touch; these links, pair by pair."""
     spared = {frozenset(pair) for *pair, _ in description.may_touch}
     parents = {frozenset(pair) for pair in description.parents}
-    for (i, a), (k, b) in combinations(enumerate(hulls.geometryObjects), 2):
-        links = frozenset((owners[i], owners[k]))
+    owners = [model.frames[geometry_object.parentFrame].name for geometry_object in geometry.geometryObjects]
+    paired = []
+    for (i, a), (k, b) in combinations(enumerate(geometry.geometryObjects), 2):
+        links = owners[i], owners[k]
         between = abs(a.parentJoint - b.parentJoint)
-        if between > (links in parents) and links not in spared:
-            hulls.addCollisionPair(pin.CollisionPair(i, k))
+        if between > (frozenset(links) in parents) and frozenset(links) not in spared:
+            geometry.addCollisionPair(pin.CollisionPair(i, k))
+            paired.append(links)
+    return paired
 
 
 def _sampled(model: pin.Model, description: Description, pairs: int) -> np.ndarray:
