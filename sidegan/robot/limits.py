@@ -293,6 +293,6 @@ def _write(joint: UrdfJoint, limits: JointLimits) -> None:
         limit = ET.SubElement(element, "limit")
     if joint.kind == "continuous":
         element.set("type", "revolute")
-    numbers = {"lower": limits.lower, "upper": limits.upper, "velocity": limits.velocity}
-    for key, value in {**numbers, "effort": limits.effort}.items():
+    for key in ("lower", "upper", "velocity", "effort"):
+        value = getattr(limits, key)
         limit.set(key, repr(value if math.isfinite(value) else 0.0))

@@ -28,11 +28,10 @@ def pinocchio_model(description: Description) -> pin.Model:
 def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[str, Array]:
     """Types, placements, axes and inertias of the joints, the tip and gravity, named as in `Arm`."""
     joints = range(1, model.njoints)
-    subspaces = np.empty((model.njoints - 1, 6))  # linear and angular velocity at unit joint velocity
-    for i in joints:
-        data = model.joints[i].createData()
-        model.joints[i].calc(data, pin.neutral(model))
-        subspaces[i - 1] = np.ravel(data.S)
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    # linear and angular velocity at unit joint velocity
+    subspaces = np.array([np.ravel(data.joints[i].S) for i in joints])
     prismatic = np.abs(subspaces[:, :3]).max(1) > 0.0
     return {
         "prismatic": prismatic,
