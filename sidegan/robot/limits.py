@@ -255,14 +255,14 @@ def _described(joint: UrdfJoint, kind: str, given: dict[str, Any]) -> bool:
 def _wider(joint: UrdfJoint, limits: JointLimits) -> list[str]:
     """Limits wider than the description's, in words with both numbers."""
     length, force = ("m", "N") if joint.kind == "prismatic" else ("rad", "N·m")
-    units = {"velocity": f"{length}/s", "effort": force}
-    if joint.kind != "continuous":
-        units |= {"lower": length, "upper": length}
+    units = {"velocity": f"{length}/s", "effort": force, "lower": length, "upper": length}
+    described = {kind: xml.number_or_zero(joint.part("limit").get(kind)) for kind in units}
+    ranged = joint.kind != "continuous" and described["lower"] < described["upper"]
     wider = []
     for kind, unit in units.items():
-        value = getattr(limits, kind)
-        own = xml.number_or_zero(joint.part("limit").get(kind))
-        if own and (own - value if kind == "lower" else value - own) > WIDER_BY * abs(own):
+        value, own = getattr(limits, kind), described[kind]
+        stated = ranged if kind in ("lower", "upper") else own  # an end of a range may be 0
+        if stated and (own - value if kind == "lower" else value - own) > WIDER_BY * abs(own):
             wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider
 

@@ -113,7 +113,7 @@ def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
     if joint.get("type") != "continuous" and not {"lower", "upper"} & set(limit.attrib):
         limit.set("lower", repr(float(arm.position_lower[k])))
         limit.set("upper", repr(float(arm.position_upper[k])))
-    if not float(limit.get("velocity", "0")):
+    if not xml.number_or_zero(limit.get("velocity")):
         limit.set("velocity", repr(float(arm.velocity_limit[k])))
     if limit.attrib.pop("not_read", None) and np.isfinite(arm.torque_limit[k]):  # of an MJCF's motor
         limit.set("effort", repr(float(arm.torque_limit[k])))

@@ -176,6 +176,17 @@ class TestLimits:
         assert "effort of first 41 instead of 40 N·m" in caplog.text and "velocity of" not in caplog.text
         assert visual_parts(arm) == [] and caplog.text.count("limits are wider") == 1
 
+    def test_a_range_that_is_widened_at_an_end_of_zero_is_told(self, load, caplog):
+        rail = one_joint(kind="prismatic", limit='<limit lower="0" upper="0.5" velocity="1"/>')
+        load(rail, Setup(limits=Limits(position={"turn": (-0.1, 0.5)})))
+        assert "lower of turn -0.1 instead of 0 m" in caplog.text and "upper of" not in caplog.text
+
+    def test_a_limit_that_is_no_number_gives_way_to_the_users_when_written(self, load, tmp_path):
+        text = one_joint(limit='<limit lower="-1" upper="1" velocity="fast" effort="5"/>')
+        arm = load(text, Setup(limits=Limits(velocity=1.5)))
+        write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
+        assert load_robot(tmp_path / "out.urdf").velocity_limit.tolist() == [1.5]
+
     def test_acceleration_and_jerk_limits_are_part_of_the_digest(self, load):
         three, four = {"first": 3.0}, {"first": 3.5}
         kinds = [(three, None), (four, None), ({"second": 3.0}, None), (None, three), (three, three)]
