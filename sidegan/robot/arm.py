@@ -110,9 +110,8 @@ class Arm(MotionLimits):
     notes: tuple[str, ...] = ()  # for people, on what was locked, lumped and assumed
     # links, each with its nearest ancestor that has a shape; None: all links with one joint between them
     parents: frozenset[tuple[str, str]] | None = None
-    may_touch: tuple[
-        tuple[str, str, str], ...
-    ] = ()  # pairs of links not checked for collision, and the source
+    # pairs of links not checked for collision, and the source
+    may_touch: tuple[tuple[str, str, str], ...] = ()
     planes: tuple[FilePlane, ...] = ()  # of the description, such as a floor, in the world
     home: tuple[float, ...] | None = None  # the description's home position [rad or m], (J,)
     drives: Drives | None = None  # the description's friction and rotors, which count in torques

@@ -8,6 +8,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
@@ -105,7 +106,7 @@ def _refused_pairs(
     state, found, meshes = model.createData(), hulls.createData(), geometry.createData()
     for request in meshes.collisionRequests:
         request.enable_contact = True  # else coal 3.0 misses some contacts of cylinders
-    configurations, alone, free = _sampled(model, description, len(links)), Counter[tuple[str, str]](), 0
+    configurations, alone, free = _sampled(model, len(links)), Counter[tuple[str, str]](), 0
     for q in configurations:
         touching = set[tuple[str, str]]()
         if pin.computeCollisions(model, state, hulls, found, q, False):
@@ -151,10 +152,8 @@ def _pair(geometry: pin.GeometryModel, model: pin.Model, description: Descriptio
     return paired
 
 
-def _sampled(model: pin.Model, description: Description, pairs: int) -> np.ndarray:
+def _sampled(model: pin.Model, pairs: int) -> Array:
     """Random configurations within the limits, (N, J)."""
-    limits = [description.limits[name] for name in list(model.names)[1:]]
-    lower = np.array([limit.lower for limit in limits])
-    upper = np.array([limit.upper for limit in limits])
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     count = int(np.clip(_QUESTIONS / pairs, _FEWEST, _MOST))
-    return lower + np.random.default_rng(0).random((count, len(limits))) * (upper - lower)
+    return lower + np.random.default_rng(0).random((count, model.nq)) * (upper - lower)

@@ -138,10 +138,9 @@ def _masses(arm: Arm) -> tuple[Array, Array, Array]:
 
 def _gyration(arm: Arm) -> Array:
     """Largest radii of gyration of the links about their centres of mass [m], (J,); 0 without mass."""
+    links = arm.inertial_parameters
     with np.errstate(divide="ignore", invalid="ignore"):  # masses may be zero
-        square = (
-            about_the_centre(arm.inertial_parameters)[1].trace(0, 1, 2) / 2 / arm.inertial_parameters[:, 0]
-        )
+        square = about_the_centre(links)[1].trace(0, 1, 2) / 2 / links[:, 0]
     return np.sqrt(np.nan_to_num(np.maximum(square, 0.0), posinf=0.0))
 
 

@@ -98,8 +98,6 @@ def nearly_fit(points: Points) -> Capsule:
 
 def fit_capsule(points: Points) -> Capsule:
     """Capsule around points (N, 3) of nearly the smallest volume, by Nelder and Mead's method."""
-    from scipy.optimize import minimize  # slow to import
-
     outer = corners(points)
     size = float(np.ptp(outer, axis=0).max()) + 1e-9
 
@@ -112,7 +110,7 @@ def fit_capsule(points: Points) -> Capsule:
         start = np.concatenate([best[None], best + step * size * np.eye(6)])
         fine = {"xatol": 1e-5 * size, "fatol": 1e-3 * cost(best)}
         options = {"initial_simplex": start, "maxfev": evaluations, **fine}
-        found = minimize(cost, best, method="Nelder-Mead", options=options)
+        found = scipy.optimize.minimize(cost, best, method="Nelder-Mead", options=options)
         best = min(best, found.x, key=cost)
     return around(best.reshape(2, 3), outer)
 
@@ -170,12 +168,12 @@ def simplify_hull(points: Points, tolerance: float) -> tuple[Points, float]:
 def _farthest(points: Points, vertices: Points, faces: NDArray[np.int32]) -> float:
     """Largest distance [m] of points (N, 3) from a surface; 0 without points."""
     import trimesh
-    from trimesh.proximity import closest_point_naive
 
     surface = trimesh.Trimesh(vertices, faces, process=False)
     rows = max(1, _AT_ONCE // len(faces))
     parts = [points[k : k + rows] for k in range(0, len(points), rows)]
-    return max((float(closest_point_naive(surface, part)[1].max()) for part in parts), default=0.0)
+    away = [trimesh.proximity.closest_point_naive(surface, part)[1] for part in parts]
+    return max((float(distances.max()) for distances in away), default=0.0)
 
 
 def split_triangles(triangles: Points, normal: Points, height: float) -> tuple[Points, Points]:

@@ -146,8 +146,8 @@ def read_tree(root: ET.Element, where: str) -> Tree:
     children: set[str] = set()
     gears = reductions_of(root)
     for element, name in zip(root.findall("joint"), names["joint"]):
-        joint = joints[name] = _joint(element, name, f"{where}: joint {name!r}", gears.get(name, 1.0))
         at = f"{where}: joint {name!r}"
+        joint = joints[name] = _joint(element, name, at, gears.get(name, 1.0))
         for link in (joint.parent, joint.child):
             if link not in names["link"]:
                 raise RobotError(f"{at} refers to link {link!r}, which does not exist")
