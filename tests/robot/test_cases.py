@@ -38,10 +38,10 @@ from tests.identification.recordings import identified
 from tests.identification.test_cases import recordings
 from tests.pipeline.test_workspace import workspace
 from tests.refusals import refused
-from tests.robot.urdf import ball, collision, joint, link, mesh, more, robot, visual
+from tests.robot.urdf import ball, collision, joint, limit, link, mesh, more, robot, visual
 
 AXES = ("0 0 1", "0 1 0", "0 1 0", "0 0 1")
-LIMIT = '<limit lower="-2.8" upper="2.8" velocity="2" effort="50"/>'
+LIMIT = limit(-2.8, 2.8, 2, 50)
 
 
 def rod(place='xyz="0 0 0.15"'):
@@ -165,8 +165,8 @@ def heights(model, q):
     ],
 )
 def test_placeholder_limits_are_reported_with_the_setting_to_change(load, span, velocity, effort, said):
-    limit = f'<limit lower="-{span}" upper="{span}" velocity="{velocity}" effort="{effort}"/>'
-    assert said in describe_placeholder_limits(load(arm_of(limit=limit)))
+    arm = load(arm_of(limit=limit(-span, span, velocity, effort)))
+    assert said in describe_placeholder_limits(arm)
 
 
 def test_a_sliding_joint_may_push_more_than_a_turning_one():
@@ -177,10 +177,6 @@ def test_a_sliding_joint_may_push_more_than_a_turning_one():
         limits = np.where(np.arange(arm.joints) == slides, newtons, 50.0)
         words = describe_placeholder_limits(replace(arm, torque_limit=limits))
         assert (f"effort of {arm.joint_names[slides]}" in words) == said
-
-
-def limit(lower=-2.8, upper=2.8, velocity=2.0, effort=50.0):
-    return f'<limit lower="{lower}" upper="{upper}" velocity="{velocity}" effort="{effort}"/>'
 
 
 def geared(ratio, **limits):

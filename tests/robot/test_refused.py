@@ -14,14 +14,7 @@ from tests.chains import random_chain, real_links
 from tests.refusals import refused
 
 from .test_part import PERSON
-from .urdf import collision, joint, link, mesh, more, one_joint, robot, two_joints
-
-
-def limits(**values: str) -> str:
-    """A joint with other limits; an empty one is left out."""
-    stated = {"lower": "-1", "upper": "1", "velocity": "2", "effort": "3"} | values
-    words = (f'{key}="{value}"' for key, value in stated.items() if value)
-    return one_joint(limit=f"<limit {' '.join(words)}/>")
+from .urdf import collision, joint, limit, link, mesh, more, one_joint, robot, two_joints
 
 
 def shape(words: str) -> str:
@@ -102,10 +95,10 @@ REFUSED = {
         (one_joint().replace('<link name="arm"', "<link"), ("<link>", "'name'")),
         # Numbers.
         (two_joints(limit=""), ("'second'", "<limit lower upper>")),
-        (limits(lower="1"), ("'turn'", "1 to 1", "limits={'position': {'turn': ")),
-        (limits(velocity=""), ("'turn'", "limits={'velocity': {'turn': 1}}")),
-        (limits(effort="-7"), ("'turn'", "-7", "limits={'effort': {'turn': 7}}")),
-        (limits(upper="inf"), ("<limit upper='inf'>",)),
+        (one_joint(limit=limit(1, 1)), ("'turn'", "1 to 1", "limits={'position': {'turn': ")),
+        (one_joint(limit='<limit lower="-1" upper="1"/>'), ("'turn'", "limits={'velocity': {'turn': 1}}")),
+        (one_joint(limit=limit(effort=-7)), ("'turn'", "-7", "limits={'effort': {'turn': 7}}")),
+        (one_joint(limit=limit(upper="inf")), ("<limit upper='inf'>",)),
         (one_joint(origin='xyz="0 nan 0"'), ("<origin xyz='0 nan 0'>",)),
         (one_joint(origin='xyz="0 1"'), ("<origin xyz='0 1'>",)),
         (one_joint(axis="0 0 0"), ("'turn'", "0 0 0")),

@@ -8,10 +8,11 @@ import trimesh
 from sidegan.robot import load_robot
 from sidegan.robot.visuals import visual_parts
 
-from .urdf import INERTIA, ball, collision, corners, joint, link, mesh, one_joint, outside, robot, visual
+from .urdf import INERTIA, ball, collision, joint, link, mesh, one_joint, outside, robot, visual
 
 ROD = '<cylinder radius="0.1" length="0.6"/>'
 BOX = collision('<box size="0.1 0.2 0.7"/>', 'xyz="1 0 0"')
+CORNERS = trimesh.creation.box((0.1, 0.2, 0.7)).vertices  # of this box, around the origin [m], (8, 3)
 
 
 def beyond(points, arm):
@@ -42,7 +43,7 @@ def test_boxes_and_cylinders_keep_their_shape_inside_their_capsules(load):
     arm = load(one_joint(collision=BOX + collision(ROD) + ball(0.2)))
     pieces = arm.capsules.pieces
     box, cylinder, sphere = np.split(pieces.corners, pieces.start[1:-1])
-    expected = corners(0.1, 0.2, 0.7) + np.array([1, 0, 0])
+    expected = CORNERS + np.array([1, 0, 0])
     rim = np.array([[0.1, 0, 0.3], [0, 0.1, 0.3], [0.1, 0, -0.3], [-0.1, 0, -0.3]])
     assert beyond(expected, arm) <= 1e-12 and beyond(rim, arm) <= 1e-12
     assert arm.capsules.radius[0] < np.linalg.norm([0.1, 0.2, 0.7]) / 2
@@ -61,7 +62,7 @@ def test_a_mesh_is_inside_its_capsule(load, tmp_path):
     trimesh.creation.box((100, 200, 700)).export(file)
     text = one_joint(collision=mesh("package://arm_description/meshes/box.stl", scale="0.001 0.001 0.001"))
     arm = load(text)
-    assert beyond(corners(0.1, 0.2, 0.7), arm) <= 1e-7  # meshes are read in float32
+    assert beyond(CORNERS, arm) <= 1e-7  # meshes are read in float32
     assert arm.capsules.radius.max() < 0.2
     assert set(arm.capsules.owners) == {"arm"}
     named = text.replace("<collision>", '<collision name="c">')

@@ -32,6 +32,12 @@ def drives(joints):
     return Drives(*(x + np.arange(joints, dtype=float) / 10 for x in (0.5, 1.0, 0.2)))
 
 
+def pinocchio_torque(model, states):
+    """Torque [N·m or N], (S, J), without friction."""
+    data = model.createData()
+    return np.array([pin.rnea(model, data, *state).copy() for state in zip(*states)])
+
+
 def assert_written(arm, path):
     """An arm's torques are its file's by Pinocchio, and with other links those of what is written."""
     parameters, states = real_links(arm.joints, 0), random_states(arm, 50)
@@ -40,11 +46,8 @@ def assert_written(arm, path):
     expected = RigidBody(arm).regressor(*states) @ parameters.ravel()
     np.testing.assert_allclose(RigidBody(read).torque(*states), expected, rtol=0, atol=1e-9)
     for same in (arm, read):
-        model = pin.buildModelFromUrdf(str(same.urdf))
-        torque = RigidBody(same).torque(*states)
-        data = model.createData()
-        for row, *state in zip(torque, *(x for x in states)):
-            np.testing.assert_allclose(pin.rnea(model, data, *state), row, rtol=0, atol=1e-9)
+        expected = pinocchio_torque(pin.buildModelFromUrdf(str(same.urdf)), states)
+        np.testing.assert_allclose(RigidBody(same).torque(*states), expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", [*built_in_robots(), "ur10e/reference.urdf"])
@@ -128,22 +131,17 @@ def test_three_engines_read_the_same_arm_from_mjcf(name, tmp_path):
     links, own = real_links(arm.joints, 0), drives(arm.joints)
     write_mjcf(arm, links, path, own)
     q, dq, ddq = random_states(arm, 20)
-    dq = np.copysign(
-        np.maximum(np.abs(dq), 1.0), dq
-    )  # near rest MuJoCo's dry friction follows the acceleration
+    # near rest MuJoCo's dry friction follows the acceleration
+    dq = np.copysign(np.maximum(np.abs(dq), 1.0), dq)
     states = q, dq, ddq
     rigid = RigidBody(arm).regressor(*states) @ links.ravel()
     fast = Setup(limits=Limits(velocity=dict.fromkeys(arm.joint_names, 1.0)))  # MJCF has no place for them
     np.testing.assert_allclose(RigidBody(load_robot(path, fast)).torque(*states), rigid, rtol=0, atol=1e-9)
     model, other = pin.buildModelFromMJCF(str(path)), mujoco.MjModel.from_xml_path(str(path))
-    data, its = model.createData(), mujoco.MjData(other)
     with_rotors = rigid + own.rotor_inertia * ddq
     whole = with_rotors + own.viscous * dq + own.coulomb * np.sign(dq)
-    for k, state in enumerate(zip(*states)):
-        np.testing.assert_allclose(pin.rnea(model, data, *state), with_rotors[k], rtol=0, atol=1e-9)
-        its.qpos[:], its.qvel[:], its.qacc[:] = state
-        mujoco.mj_inverse(other, its)
-        np.testing.assert_allclose(its.qfrc_inverse, whole[k], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(pinocchio_torque(model, states), with_rotors, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(torque_of_mjcf(path, *states), whole, rtol=0, atol=1e-9)
     np.testing.assert_allclose(model.upperPositionLimit, arm.position_upper, rtol=0, atol=1e-12)
     assert other.ngeom == len(arm.capsules.link) and np.all(other.geom_contype & other.geom_conaffinity)
     assert [other.joint(i).name for i in range(arm.joints)] == list(arm.joint_names)

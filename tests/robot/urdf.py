@@ -4,7 +4,10 @@ import numpy as np
 
 INERTIA = """<inertial><origin xyz="0.01 -0.02 0.1" rpy="0.1 0.2 0.3"/><mass value="1.5"/>
   <inertia ixx="0.025" ixy="0.001" ixz="0" iyy="0.03" iyz="0" izz="0.01"/></inertial>"""
-LIMIT = '<limit lower="-1.5" upper="2" velocity="2.5" effort="40"/>'
+
+
+def limit(lower: object = -1.5, upper: object = 2, velocity: float = 2.5, effort: float = 40) -> str:
+    return f'<limit lower="{lower}" upper="{upper}" velocity="{velocity}" effort="{effort}"/>'
 
 
 def link(name: str, content: str = INERTIA) -> str:
@@ -18,7 +21,7 @@ def joint(
     kind: str = "revolute",
     origin: str = 'xyz="0.1 0.2 0.3" rpy="0.4 -0.5 0.6"',
     axis: str = "0 0 1",
-    limit: str = LIMIT,
+    limit: str = limit(),
     extra: str = "",
 ) -> str:
     return (
@@ -61,11 +64,6 @@ def mesh(file: object, origin: str = 'xyz="0 0 0"', scale: str = "1 1 1") -> str
 
 def ball(radius: float, place: str = "0 0 0") -> str:
     return collision(f'<sphere radius="{radius}"/>', f'xyz="{place}"')
-
-
-def corners(x: float, y: float, z: float) -> np.ndarray:
-    """Corners of a box around the origin [m], (8, 3)."""
-    return np.array(np.meshgrid([-x / 2, x / 2], [-y / 2, y / 2], [-z / 2, z / 2])).reshape(3, 8).T
 
 
 def outside(points: np.ndarray, a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
