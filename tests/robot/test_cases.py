@@ -195,10 +195,8 @@ SLIDE = 'type="prismatic"'
 
 def transmission(kind, gears=(2.0, -4.0), drives=(50.0, 80.0)):
     """A transmission of two joints as for ros_control and, with the second joint first, for ros2_control."""
-    old, new = (
-        [f"<type>transmission_interface/{kind}</type>"],
-        [f"<plugin>transmission_interface/{kind}</plugin>"],
-    )
+    old = [f"<type>transmission_interface/{kind}</type>"]
+    new = [f"<plugin>transmission_interface/{kind}</plugin>"]
     for tag, name, ratios in (("joint", "joint", gears), ("actuator", "m", drives)):
         for k, ratio in enumerate(ratios, 1):
             gear, role = "mechanicalReduction", f"<role>{tag}{k}</role>"

@@ -201,10 +201,8 @@ def driven(actuators="", inside="", beside="", **joint):
 BAR = '<body name="bar" pos="-.1 0 .2"><joint name="j_bar"/><geom size=".02"/></body>'
 BELT = '<tendon><fixed name="belt"><joint joint="jb" coef="1"/><joint joint="jc" coef="1"/></fixed></tendon>'
 GRIP = '<tendon><fixed name="grip"><joint joint="j_finger" coef="1"/></fixed></tendon>'
-WELD, CONNECT = (
-    "<equality><weld body1='{}'/></equality>",
-    "<equality><connect body1='{}' body2='{}' {}/></equality>",
-)
+WELD = "<equality><weld body1='{}'/></equality>"
+CONNECT = "<equality><connect body1='{}' body2='{}' {}/></equality>"
 CURVED = "<equality><joint joint1='{}' joint2='{}' polycoef='0 1 .5 0 0'/></equality>"
 STRETCHED = "<equality><tendon tendon1='{}'/></equality>"
 ANCHOR, OFF = "anchor='0 0 .4'", "anchor='0 0 .4' active='false'"
@@ -249,22 +247,16 @@ def test_a_torque_limit_that_the_file_lacks_and_the_user_gave_is_written(load, t
     assert read.torque_limit.tolist() == [90.0, 9.0, 9.0]  # and otherwise the file's
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (
-            driven("", '<tendon><fixed name="t" stiffness="5"><joint joint="jb" coef="1"/></fixed></tendon>'),
-            "springs (stiffness) at jb",
-        ),
-        (
-            driven("", BELT.replace('name="belt"', 'name="belt" range="-1 1"')),
-            "range of tendon belt at jb, jc",
-        ),
-        (driven("", GRIP.replace('name="grip"', 'name="grip" stiffness="5"')), ""),
-    ],
-)
-def test_what_acts_on_the_arm_and_is_left_out_is_named_once(load, caplog, text, said):
-    load(text, FREE, name="arm.xml")
+LEFT_OUT = [  # tendons, and what is said of them
+    (GRIP.replace('"grip"', '"grip" stiffness="5"').replace("j_finger", "jb"), "springs (stiffness) at jb"),
+    (GRIP.replace('"grip"', '"grip" stiffness="5"'), ""),
+    (BELT.replace('"belt"', '"belt" range="-1 1"'), "range of tendon belt at jb, jc"),
+]
+
+
+@pytest.mark.parametrize(("tendon", "said"), LEFT_OUT)
+def test_what_acts_on_the_arm_and_is_left_out_is_named_once(load, caplog, tendon, said):
+    load(driven("", tendon), FREE, name="arm.xml")
     warned = [record.getMessage() for record in caplog.records if "do not include" in record.getMessage()]
     assert len(warned) == bool(said) and said in "".join(warned)
 

@@ -91,9 +91,8 @@ def test_any_chain_reads_and_writes_as_pinocchio_does(load, tmp_path, chain):
 
 def test_comments_extra_elements_and_unicode_are_kept(load, tmp_path):
     extra = '<!-- <inertial> größer > kleiner --><gazebo reference="arm"><inertial/></gazebo>'
-    assert_written(
-        load('<?xml version="1.0" encoding="utf-8"?>' + more(one_joint(), extra)), tmp_path / "out.urdf"
-    )
+    arm = load('<?xml version="1.0" encoding="utf-8"?>' + more(one_joint(), extra))
+    assert_written(arm, tmp_path / "out.urdf")
     written = (tmp_path / "out.urdf").read_text(encoding="utf-8")
     assert "<!-- <inertial> größer > kleiner -->" in written
     assert '<gazebo reference="arm"><inertial />' in written
