@@ -39,8 +39,7 @@ def collision_shapes(
     from joblib import Memory
 
     scene = {"model": model, "geometry": geometry, "description": description}
-    limits = {name: (limit.lower, limit.upper) for name, limit in description.limits.items()}
-    known = description.xml, limits, description.may_touch, [shape.digest for shape in shapes]
+    known = description.xml, description.may_touch, [shape.digest for shape in shapes]
     refused = Memory(cache_folder(), verbose=0).cache(_refused_pairs, ignore=[*scene, "shapes"])
     hollow: dict[str, int] = {}
     often = refused(known=(known, hollow), shapes=shapes, **scene)

@@ -16,13 +16,14 @@ _KINDS = ("velocity", "acceleration", "jerk", "effort")
 _NESTED = 8  # most levels above joint_limits, as a node's parameters have them
 
 
-def completed_by_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
-    """Given limits, completed by those of their file, and notes on the file.
+def stated_limits(tree: Tree, given: Limits) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """The user's limits by kind and joint, completed by those of their file, and notes on the file.
 
     Joints that the description does not have are ignored; a file without a limit of another is refused.
     """
+    own = {kind: values or {} for kind, values in vars(given).items() if kind != "file"}
     if given.file is None:
-        return given, []
+        return own, []
     setting = suggestion("robot.limits", given.file)
     limits = _read(Path(given.file), setting)
     foreign = [name for name in limits if name not in tree.joints]
@@ -47,10 +48,7 @@ def completed_by_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
             raise RobotError(f"{setting}: the positions of {name} are from {lower:g} to {upper:g}")
     ignored = f"; joints that the description does not have are ignored: {listed(foreign)}" if foreign else ""
     note = f"{listed(sorted(found))} limits come from {given.file}{ignored}"
-    both: dict[str, Any] = {  # limits that the user set override the file's
-        kind: (getattr(read, kind) or {}) | (getattr(given, kind) or {}) for kind in ("position", *_KINDS)
-    }
-    return Limits(**both), [note]
+    return {kind: (getattr(read, kind) or {}) | values for kind, values in own.items()}, [note]
 
 
 def _read(file: Path, setting: str) -> dict[str, Mapping[str, Any]]:

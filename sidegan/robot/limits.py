@@ -12,7 +12,7 @@ from sidegan.base.settings_text import FILL_IN, setting_name, suggest_by_joint
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
-from sidegan.robot.joint_limits import completed_by_file
+from sidegan.robot.joint_limits import stated_limits
 from sidegan.robot.setup import Limits
 from sidegan.robot.thresholds import FULL_TURN, LIMITS, WIDER_BY
 from sidegan.robot.tree import Tree, UrdfJoint, similar_names
@@ -49,8 +49,8 @@ def limits_of(
     half a turn from home [rad]. Missing or impossible limits are refused together, with the settings that
     state them, and so are limits in other units; without planning, these become defaults or are converted.
     """
-    given, read = completed_by_file(tree, given.of_joints(joint.name for joint in moving))
-    stated = _stated(tree, given)
+    stated, notes = stated_limits(tree, given.of_joints(joint.name for joint in moving))
+    _check_stated(tree, stated)
     described = _Described(tree, home)
     found = dict[str, JointLimits]()
     wider = list[str]()
@@ -69,7 +69,6 @@ def limits_of(
     for joint in moving:
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
-    notes = list(read)
     if described.useless:
         notes.append(f"soft limits that leave no range are ignored: {listed(described.useless)}")
     if described.narrowed:
@@ -109,12 +108,11 @@ def limits_of(
         )
     if wider and planning:
         _log.warning("%s: limits are wider than the description's: %s", tree.where, "; ".join(wider))
-    return found, [*notes, *_assumed(found, moving, stated["position"])]
+    return found, notes + _assumed(found, moving, stated["position"])
 
 
-def _stated(tree: Tree, given: Limits) -> dict[str, dict[str, Any]]:
-    """The user's limits, by kind and joint."""
-    stated = {kind: values or {} for kind, values in vars(given).items() if kind != "file"}
+def _check_stated(tree: Tree, stated: dict[str, dict[str, Any]]) -> None:
+    """Raise unless the user's limits, by kind and joint, are of joints that exist, in ranges."""
     for kind, values in stated.items():
         for name in values:
             if name not in tree.joints:
@@ -127,7 +125,6 @@ def _stated(tree: Tree, given: Limits) -> dict[str, dict[str, Any]]:
             at = tree.at(tree.joints[name])
             where = f"{at}: {setting_name('robot.limits.position')}"
             raise RobotError(f"{where} is {lower:g} to {upper:g}, expected lower < upper")
-    return stated
 
 
 class _Described:
