@@ -78,8 +78,12 @@ def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
 
 
 def _name_all(spec: mujoco.MjSpec) -> None:
-    """Name elements without a name by their kind and number."""
+    """Name elements without a name by their kind and number, or the like if another has that name."""
     named = spec.bodies, spec.joints, spec.geoms, spec.tendons, spec.actuators, spec.equalities, spec.keys
-    for element in (element for elements in named for element in elements):
-        kind = type(element).__name__.removeprefix("Mjs").lower()
-        element.name = element.name or f"{kind}_{element.id}"
+    for elements in named:
+        taken = {element.name for element in elements}
+        for element in (element for element in elements if not element.name):
+            name = f"{type(element).__name__.removeprefix('Mjs').lower()}_{element.id}"
+            while name in taken:
+                name += "_"
+            element.name = name

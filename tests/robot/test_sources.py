@@ -158,6 +158,11 @@ class TestMjcf:
         assert np.linalg.norm(arm.gravity) == pytest.approx(9.81) and "switches gravity off" in notes
         assert "do not include springs (stiffness) at two; drag of the medium" in caplog.text
 
+    def test_a_joint_may_have_the_name_that_one_without_a_name_would_get(self, mjcf):
+        mjcf.write_text(MJCF.replace('name="slide"', 'name="joint_1"').replace('name="two" ', ""))
+        arm = load_robot(mjcf, Setup(limits=Limits(velocity=1.0)))
+        assert arm.joint_names == ("one", "joint_1_", "joint_1")
+
     @pytest.mark.parametrize(("own", "more"), ACTUATORS)
     def test_torque_limits_are_what_mujocos_actuators_can_give(self, mjcf, own, more):
         """Pushed as hard as can be, both ways: actuators add up, and the joint's own range cuts their sum."""
