@@ -26,7 +26,8 @@ _ROUNDING = 1e-9
 
 def unit_axis(joint: UrdfJoint, at: str) -> Array:
     """Unit vector along a joint's axis, (3,)."""
-    axis = xml.vector(joint.element.find("axis"), "xyz", at, "1 0 0")
+    stated = joint.element.find("axis")
+    axis = (1.0, 0.0, 0.0) if stated is None else xml.vector(stated, "xyz", at)
     length = math.hypot(*axis)
     if not _AXIS[0] <= length <= _AXIS[1]:
         words = " ".join(f"{x:g}" for x in axis)

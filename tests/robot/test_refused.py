@@ -102,6 +102,7 @@ REFUSED = {
         (one_joint(origin='xyz="0 nan 0"'), ("<origin xyz='0 nan 0'>",)),
         (one_joint(origin='xyz="0 1"'), ("<origin xyz='0 1'>",)),
         (one_joint(axis="0 0 0"), ("'turn'", "0 0 0")),
+        (one_joint().replace('<axis xyz="0 0 1"/>', "<axis/>"), ("'turn'", "<axis>", "'xyz'")),
         (one_joint(axis="0 0 1e200"), ("0 0 1e200",)),
         (two_joints(origin='xyz="0 0 360"'), ("360 m",)),
         # Shapes.
