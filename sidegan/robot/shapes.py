@@ -13,7 +13,7 @@ import scipy  # submodules load lazily
 from sidegan.base.progress import bar
 from sidegan.robot.arm import Capsules, Pieces, rounded
 from sidegan.robot.covering import ConvexPart, cover_of
-from sidegan.robot.fitting import Points, around, ends_along, hull_volume
+from sidegan.robot.fitting import Points, around, ends_along, hull_volume, inflated
 
 VERSION = 7  # raise it when a change yields other shapes for the same description
 
@@ -119,7 +119,7 @@ def _primitive(shape: coal.CollisionGeometry) -> ConvexPart:
             corners = np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in heights])
         case _:
             axis = int(np.argmax(shape.halfSide))
-            corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * shape.halfSide
+            corners = inflated(np.zeros((1, 3)), 1.0) * shape.halfSide
     return ConvexPart(around(ends_along(corners, np.eye(3)[axis]), corners), corners, 0.0)
 
 
@@ -131,17 +131,14 @@ def is_mesh(shape: pin.GeometryObject) -> bool:
 def _fitted(group: list[pin.GeometryObject], hollow: int) -> tuple[list[ConvexPart], str]:
     """Capsules and hulls around the meshes of a link, in the first mesh's frame, and the meshes' digest."""
     first = group[0].placement
+    placed = [(mesh, first.actInv(mesh.placement)) for mesh in group]
     state = hashlib.sha256(str(VERSION).encode())
-    for mesh in group:
-        relative = first.actInv(mesh.placement)
+    for mesh, place in placed:
         state.update(hashlib.sha256(Path(mesh.meshPath).read_bytes()).digest())
-        state.update(rounded(np.r_[mesh.meshScale, relative.rotation.ravel(), relative.translation]))
+        state.update(rounded(np.r_[mesh.meshScale, place.rotation.ravel(), place.translation]))
 
     def triangles() -> list[Points]:
-        parts = []
-        for mesh in group:
-            relative = first.actInv(mesh.placement)
-            parts.append(_triangles(mesh.geometry) @ relative.rotation.T + relative.translation)
+        parts = [_triangles(mesh.geometry) @ place.rotation.T + place.translation for mesh, place in placed]
         return [part for part in parts if len(part)]
 
     parts = cover_of(state.hexdigest(), hollow, triangles)
