@@ -233,11 +233,7 @@ RAIL = mixed(limit(-1, 5, 3.0), kind=SLIDE)
 LIMITS_ELSEWHERE = {  # descriptions, what is asked, and the line that is filled in
     "degrees": (arm_of(limit=limit(-166, 120)), "degrees", "position={joint0: [-2.89725, 2.0944], joint1: "),
     "one of them": (mixed(limit(-90, 160)), "degrees", "position={joint0: [-1.5708, 2.79253]}'"),
-    "one is small": (
-        mixed(limit(-5, 5), limit(-99, 120)),
-        "degrees",
-        "position={joint0: [-0.0872665, 0.0872665], ",
-    ),
+    "small": (mixed(limit(-5, 5), limit(-99, 120)), "degrees", "position={joint0: [-0.0872665, 0.0872665], "),
     "ticks": (arm_of(limit=limit(0, 4095)), "degrees", "position={joint0: …, joint1: …"),
     "ticks down": (arm_of(limit=limit(-4095, 0)), "degrees", "position={joint0: …, joint1: …"),
     "speeds": (arm_of(limit=limit(velocity=180)), "degrees per second", "velocity={joint0: 3.14159, joint1"),

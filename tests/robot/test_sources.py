@@ -340,10 +340,7 @@ REFUSED = {
     "no argument": (xacro(), ["arm.urdf.xacro", "args={'reach': …}"]),
     "only macros": (xacro(text=MACRO), ["arm.urdf.xacro", "crane(prefix, parent:=world, *origin)"]),
     "macros that another file calls": (called, ["arm.urdf.xacro", "/top.xacro"]),
-    "an argument without a value": (
-        xacro(text=SIZED),
-        ["size (without a value), sim=no", "args={'size': …}"],
-    ),
+    "no value": (xacro(text=SIZED), ["size (without a value), sim=no", "args={'size': …}"]),
     "USD": (usd, ["arm.usd", "USD"]),
     "binary USD": (lambda at: usd(at, b"PXR-USDC\0"), ["arm.usd", "USD"]),
     "no package": (xacro(text=LOST), ["no_such_package", "ROS_PACKAGE_PATH"]),
@@ -358,7 +355,7 @@ def test_an_unusable_source_is_refused(known, monkeypatch, what):
     case, names = REFUSED[what]
     if what == "no xacrodoc":
         monkeypatch.setitem(sys.modules, "xacrodoc", None)
-    elif what in ("no argument", "no package", "an argument without a value") or "macros" in what:
+    elif what in ("no argument", "no value", "no package") or "macros" in what:
         pytest.importorskip("xacrodoc")
     with refused(RobotError, *names):
         case(known)
