@@ -110,8 +110,9 @@ def cache_folder() -> Path:
 def kept_mesh(vertices: Array, faces: Array) -> Path:
     """Cached mesh file of vertices [m], (V, 3), and triangles (F, 3), named by its digest."""
     import trimesh
+    from trimesh.exchange.stl import export_stl
 
-    content = trimesh.Trimesh(vertices, faces, process=False).export(file_type="stl")
+    content = export_stl(trimesh.Trimesh(vertices, faces, process=False))
     file = cache_folder() / "meshes" / f"{hashlib.sha256(content).hexdigest()}.stl"
     if not (file.is_file() and file.read_bytes() == content):
         write_bytes(file, content)
