@@ -135,7 +135,8 @@ class TrajectoryGenerator(nn.Module):
 
 def _stored_limits(content: dict[str, Any]) -> MotionLimits:
     """The limits of the arm that a generator's file was written for."""
-    limits = {name: None if x is None else numpy_array(x) for name, x in content["limits"].items()}
+    stored: dict[str, Tensor | None] = content["limits"]
+    limits: dict[str, Any] = {name: None if x is None else numpy_array(x) for name, x in stored.items()}
     return MotionLimits(content["robot"], content["digest"], **limits)
 
 
