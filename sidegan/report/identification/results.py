@@ -183,4 +183,6 @@ def _standard(model: TorqueModel, standard: Array) -> dict[str, Any]:
 
 def _numbers(values: ArrayLike) -> Any:
     """Numbers as JSON values, with None for those that are not finite."""
-    return np.where(np.isfinite(values), values, None).tolist()
+    found = np.array(values, dtype=object)
+    found[~np.isfinite(values)] = None
+    return found.tolist()
