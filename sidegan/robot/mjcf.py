@@ -14,6 +14,7 @@ from sidegan.robot.meshes import kept_mesh
 from sidegan.robot.mjcf_files import compile_mjcf
 from sidegan.robot.mjcf_forces import Forces, efforts
 from sidegan.robot.placement import write_placement
+from sidegan.robot.write_mjcf import mujoco_logged
 from sidegan.robot.xml import Source, words
 
 _KINDS = {
@@ -41,7 +42,8 @@ def read_mjcf(path: Path) -> Source:
     listed separately.
     """
     spec, model, colliding, shown = compile_mjcf(path)
-    forces = Forces(spec, model)
+    with mujoco_logged(path):
+        forces = Forces(spec, model)
     root = ET.Element("robot", name=spec.modelname)
     left_out = []
     for body in spec.bodies:

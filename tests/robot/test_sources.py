@@ -245,6 +245,14 @@ def test_ties_and_motors_on_several_joints_are_refused_until_the_user_says_more(
         assert arm.torque_limit.tolist() == [9.0 if setup is STRONG else 90.0] * 3
 
 
+def test_reading_two_joints_on_one_axis_leaves_no_file_of_mujocos(load, tmp_path, monkeypatch):
+    """The inertia matrix is singular, of which MuJoCo warns."""
+    monkeypatch.chdir(tmp_path)
+    twice = driven().replace('<joint name="jc"/>', '<joint name="jc"/><joint name="jd"/>')
+    assert load(twice, FREE, name="arm.xml").joint_names == ("ja", "jb", "jc", "jd")
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
+
+
 def test_a_torque_limit_that_the_file_lacks_and_the_user_gave_is_written(load, tmp_path):
     arm = load(TIED[0][0], STRONG, name="arm.xml")
     write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
