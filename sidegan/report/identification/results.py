@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 from markupsafe import Markup
-from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import folder_name, plain
@@ -120,18 +118,18 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
             "description": _errors(quality.nominal_score),
         },
         "training": _all_errors(identified.trained, use, chosen.method),
-        "condition_number": _numbers(chosen.condition),
+        "condition_number": _number(chosen.condition),
         "weak_parameters": list(quality.weak),
         "torque_deviation": _numbers(quality.torque_deviation),
         "effects": [
-            {"joint": arm.joint_names[effect.joint], "kind": effect.kind, "error": _numbers(effect.error)}
+            {"joint": arm.joint_names[effect.joint], "kind": effect.kind, "error": _number(effect.error)}
             for effect in identified.effects
         ],
         "modelled": identified.modelled,
         "left_over": identified.left_over,
         "torque_bias": _numbers(identified.unmodelled.error),
         "unmodelled": [
-            {"joint": arm.joint_names[lack.joint], "kind": lack.kind, "share": _numbers(lack.share)}
+            {"joint": arm.joint_names[lack.joint], "kind": lack.kind, "share": _number(lack.share)}
             for lack in identified.unmodelled.found
         ],
         "whiteness": _numbers(1 / chosen.inflation),
@@ -149,7 +147,7 @@ def _all_errors(errors: dict[str, Score], use: str, method: str) -> dict[str, An
 def _errors(errors: Score) -> dict[str, Any]:
     return {
         "nmse": _numbers(errors.nmse),
-        "nmse_mean": _numbers(errors.nmse_mean),
+        "nmse_mean": _number(errors.nmse_mean),
         "rmse": _numbers(errors.rmse),
     }
 
@@ -181,8 +179,10 @@ def _standard(model: TorqueModel, standard: Array) -> dict[str, Any]:
     return {"inertial_parameters": model.links_of(standard).tolist(), "terms": terms, "effects": effects}
 
 
-def _numbers(values: ArrayLike) -> Any:
-    """Numbers as JSON values, with None for those that are not finite."""
-    found = np.array(values, dtype=object)
-    found[~np.isfinite(values)] = None
-    return found.tolist()
+def _numbers(values: Array) -> list[float | None]:
+    return [_number(x) for x in values.tolist()]
+
+
+def _number(value: float) -> float | None:
+    """A number, or None if it is not finite, for JSON."""
+    return value if math.isfinite(value) else None
