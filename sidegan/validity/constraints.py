@@ -183,11 +183,11 @@ class Constraints:
         links += _except(named, "may touch")
         links += f"; {len(pairs.never)} never touch" if pairs.never else ""
         noun = "joint origin" if capsules.only_points else "link"
-        guarded = counted(len(self.guarded) + len(self.never_out), noun)
+        guarded = {*self._guarded_names(self.guarded)}
+        both = f"{counted(len(guarded.union(self.never_out)), 'pair')} of {noun}s and regions"
         if origins := 0 if capsules.only_points else int((~capsules.shaped[self.guarded[:, 1]]).sum()):
-            guarded += f" ({counted(origins, 'joint origin')})"
-        regions = f"{len(self.guarded)} of {guarded} against {counted(len(self.regions), 'region')}"
-        regions += _except(self.never_out, "always inside")
+            both += f" ({counted(origins, 'joint origin')})"
+        regions = f"{len(guarded)} of {both}" + _except(self.never_out, "always inside")
         found = [f"position and velocity of {counted(arm.joints, 'joint')}, {limits}", links, regions]
         if self.clearance:
             found.append(f"{self.kept_clear} kept clear")

@@ -138,7 +138,7 @@ def test_joint_origins_of_links_without_shapes_stay_above_the_floor(load, shaped
     assert "floor at z = 0 m" in place.notes(arm)
     assert ("joint_origins" in place.stamped(arm)) == (0 < shaped < 5)
     said = (constraints := place.around(arm)).described()
-    assert ("0 of 0 pairs" in said and "4 of 4 joint origins against 1 region" in said) == (shaped < 2)
+    assert ("0 of 0 pairs" in said and "4 of 4 pairs of joint origins and regions" in said) == (shaped < 2)
     assert ("clear" in said) == (shaped > 1) == np.isfinite(constraints.nearest(np.zeros((1, 4)))[0]).all()
     model = pin.buildModelFromUrdf(str(arm.urdf))
     q = random_configurations(arm, 200)
