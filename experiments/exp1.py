@@ -97,7 +97,8 @@ def table1(
             rows[f"{label}, geometric mean"] = _by_set(geometric(part).set_index("set").nmse)
         rows[label] = _by_set(part.groupby(["set", *levels]).nmse.mean())
     columns = tables.sort_sets(raw["set"].unique())
-    kinds = {name: name.partition("-")[0] for name in columns} | dict.fromkeys(SIDE_GANS, "generated")
+    kinds = {name: tables.kind_of(name)[0].removesuffix("-") for name in columns}
+    kinds |= dict.fromkeys(SIDE_GANS, "generated")
     for label, paper in PAPER["table1"].items():
         rows[label] = {name: paper.get(kinds[name], "—") for name in columns}
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns).fillna("—")
@@ -175,7 +176,7 @@ def on_plants(plant: pd.DataFrame, trained: Collection[str]) -> str:
 def over_others(frame: pd.DataFrame, trained: Collection[str]) -> dict[str, pd.Series]:
     """Log ratio of the seeds' nMSE to that of each set of equal size, draw by draw, by set."""
     errors = by_set(frame, "nmse", trained)
-    others = [key for key in tables.sort_sets(errors) if key != "seeds" and not key.startswith("long-")]
+    others = [key for key in tables.sort_sets(errors) if tables.kind_of(key)[0] not in ("seeds", "long-")]
     return {key: of_several(log_ratio(errors["seeds"], errors[key])) for key in others}
 
 
