@@ -25,7 +25,7 @@ from tests.identification.recordings import (
     truth_of,
     white,
 )
-from tests.pipeline.test_identify import python_class
+from tests.oracle import python_class
 from tests.refusals import refused
 
 NOISE = 0.5  # [N·m]

@@ -23,7 +23,7 @@ from tests.identification.recordings import (
     recorded,
     white,
 )
-from tests.pipeline.test_identify import python_class
+from tests.oracle import python_class
 from tests.refusals import refused
 
 NOISE = 0.3

@@ -1,7 +1,6 @@
 """The way from recordings to a model, through the command's own stage."""
 
 import json
-import runpy
 import shlex
 
 import mujoco
@@ -18,6 +17,7 @@ from sidegan.pipeline.stages import identify
 from sidegan.pipeline.store import PARAMS
 from sidegan.recording.settings import Files
 from sidegan.steps.identify import check_recordings
+from tests.oracle import python_class
 from tests.pipeline.conftest import client_of
 from tests.recording.conftest import moved
 from tests.recording.files import frame
@@ -134,7 +134,7 @@ def test_each_file_is_read_again_and_predicts_as_well_as_what_it_holds(once):
 
 def test_the_python_class_splits_its_torque(once, consistent):
     verdict, folder = once
-    model = runpy.run_path(str(folder / "model.py"))["ArmDynamics"]()
+    model = python_class(folder)
     assert model.joints == ["shoulder", "elbow"]
     assert model.method == verdict["use"] == "consistent" and "Use the consistent" in verdict["advice"]
     assert verdict["validation"]["nmse"] == verdict["validation"]["consistent"]["nmse"]
