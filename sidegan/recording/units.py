@@ -12,7 +12,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.base.settings_text import suggestion
-from sidegan.errors import RecordingError
+from sidegan.errors import ConfigError, RecordingError
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
 _POUND, _KILOGRAM = 4.4482216152605, 9.80665  # [N] weights
@@ -63,6 +63,10 @@ class Counts:
 
     per_turn: float | list[float]  # or per metre of a prismatic joint; negative if counted backwards
     zero: float | list[float] = 0.0  # reading at joint position zero
+
+    def __post_init__(self) -> None:
+        if not np.all(self.per_turn):
+            raise ConfigError(f"per_turn is {self.per_turn}, expected none to be zero")
 
     def in_si(self, counts: Array, slides: Sequence[bool]) -> Array:
         """Positions [rad or m], (S, J), from counts (S, J)."""

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sidegan.errors import RecordingError
+from sidegan.errors import ConfigError, RecordingError
 from sidegan.recording.read import read_and_check
 from sidegan.recording.settings import Files
 from sidegan.recording.stationary import chain_joints, refuse_elsewhere, stationary_positions
@@ -33,6 +33,8 @@ def test_encoder_counts_are_refused_with_the_setting_that_converts_them(recordin
     assert found.velocity is None and "velocity is derived" in found.remarks[0]
     with refused(RecordingError, "recording.units.position.zero", "3", "2"):
         read(tmp_path, table(recording), units={"position": {"per_turn": 4096, "zero": [0, 0, 0]}})
+    with refused(ConfigError, "position: per_turn", "[4096.0, 0.0]"):
+        read(tmp_path, table(recording), units={"position": {"per_turn": [4096, 0]}})
 
 
 def test_wrapped_revolute_positions_are_unwrapped(recording, tmp_path):
