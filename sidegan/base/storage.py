@@ -5,6 +5,7 @@ import io
 import json
 import math
 import os
+import platform
 import shutil
 import uuid
 from collections.abc import Callable, Iterator, Mapping
@@ -112,6 +113,17 @@ def write_json(path: Path, content: Any) -> None:
     except ValueError as error:
         raise ShapeError(f"cannot write {path} as JSON: {error}") from error
     write_bytes(path, f"{text}\n".encode())
+
+
+def write_mlmodel(folder: Path, **loading: str) -> None:
+    """Write the file MLmodel, by which ``mlflow.pyfunc.load_model`` loads what is in a folder.
+
+    ``loading``: MLflow's settings of a Python function, such as ``loader_module`` and ``data``.
+    """
+    import yaml
+
+    function = {**loading, "python_version": platform.python_version()}
+    write_bytes(folder / "MLmodel", yaml.safe_dump({"flavors": {"python_function": function}}).encode())
 
 
 def finite(row: Mapping[str, Any]) -> dict[str, Any]:

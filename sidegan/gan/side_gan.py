@@ -148,8 +148,9 @@ class SideGAN(pl.LightningModule):
         with self.toggled_optimizer(generator):  # no gradients of the discriminators' weights
             for _ in range(self.settings.generator_steps):
                 self._step(generator, self.generator_loss(len(rows)))
-        for schedule in self.trainer.lr_scheduler_configs:
-            schedule.scheduler.step()  # type: ignore[call-arg]  # of another kind than ours
+        schedulers: Any = self.lr_schedulers()
+        for scheduler in schedulers if isinstance(schedulers, list) else [schedulers]:
+            scheduler.step()
 
     def generator_loss(self, count: int) -> Tensor:
         """Weighted sum of the losses on a new batch, 0-dimensional."""

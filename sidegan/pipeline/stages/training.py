@@ -1,18 +1,16 @@
 """Stages surrogates, gan and subsets: success predictor and converters, variants, both on fewer seeds."""
 
-import platform
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import yaml
 
 from sidegan.base.arrays import split
 from sidegan.base.extras import extra, require
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.base.storage import finite, read_arrays, write_arrays, write_bytes, write_json
+from sidegan.base.storage import finite, read_arrays, write_arrays, write_json, write_mlmodel
 from sidegan.gan.settings import PublishedSurrogates, SurrogateSettings, Variant
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact, Build
@@ -27,12 +25,6 @@ if TYPE_CHECKING:  # imports torch
 
 _CHECKED = 500  # trajectories per validity check
 EPOCH_SAMPLES = "samples.npz"  # of every epoch
-# MLflow's settings to load a generator from its folder
-_LOADED = {
-    "loader_module": "sidegan.gan.generator",
-    "data": GENERATOR,
-    "python_version": platform.python_version(),
-}
 _NEGATIVES_TRAINING = 0  # training of the generator whose samples the surrogates learn from
 
 
@@ -134,7 +126,7 @@ def _train(
     )
     made = trained(run.cell, variant, seeds, how, surrogates=folder, box=box)
     made.generator.save(build.folder / GENERATOR)
-    write_bytes(build.folder / "MLmodel", yaml.safe_dump({"flavors": {"python_function": _LOADED}}).encode())
+    write_mlmodel(build.folder, loader_module="sidegan.gan.generator", data=GENERATOR)
     if samples:
         write_arrays(build.folder / EPOCH_SAMPLES, {"images": made.samples})
     write_json(build.folder / HISTORY, [finite(row) for row in made.history])

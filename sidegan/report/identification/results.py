@@ -1,7 +1,6 @@
 """Files of an identification: tables, models, a machine-readable verdict, and an HTML report."""
 
 import math
-import platform
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from markupsafe import Markup
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import folder_name, plain
-from sidegan.base.storage import write_bytes, write_json
+from sidegan.base.storage import write_bytes, write_json, write_mlmodel
 from sidegan.identification.estimate import Score
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.model import TorqueModel
@@ -25,16 +24,9 @@ from sidegan.robot import write_mjcf, write_urdf
 
 VERDICT, REPORT = "verdict.json", "report.html"
 PARAMETERS = "parameters.json"  # the model in full
-_TABLE, _LINKS, _MLMODEL = "parameters.csv", "links.csv", "MLmodel"
+_TABLE, _LINKS = "parameters.csv", "links.csv"
 _HEADER = "arm.h"
 _CLASS, _SOURCE = "model.py", Path(__file__).with_name("arm_dynamics.py")  # copied, never imported
-# MLflow's settings to load that class from its folder.
-_LOADED = {
-    "loader_module": Path(_CLASS).stem,
-    "code": ".",
-    "data": ".",
-    "python_version": platform.python_version(),
-}
 _RECORDINGS = 12  # most recordings in plots
 _ROUNDING = 1e-12  # numbers below are shown as zero
 _COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
@@ -58,7 +50,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     errors = {"files": {name: _errors(score) for name, score in files.items()}}
     write_json(folder / VERDICT, verdict(identified) | errors)
     write_bytes(folder / _HEADER, c_header(arm, numbers, names, identified.quality.verdict))
-    write_bytes(folder / _MLMODEL, yaml.safe_dump({"flavors": {"python_function": _LOADED}}).encode())
+    write_mlmodel(folder, loader_module=Path(_CLASS).stem, code=".", data=".")
     write_bytes(folder / REPORT, report_html(identified, origin, files))
 
 
