@@ -1,5 +1,6 @@
 """Write the controller files of a set of trajectories."""
 
+from itertools import count
 from pathlib import Path
 
 from sidegan.base.arrays import Array
@@ -70,7 +71,8 @@ def export_set(
         angle = settings.tolerance.angle
         for name, course in (goals | {ALL: run_of(points.values(), pause)}).items():
             texts[f"{name}.script"] = script_text(course, f"excite_{name}", angle, arm.locked)
-    with replacing_folder(folder, _of_a_run) as new:
+    former = _of_earlier_runs(folder)
+    with replacing_folder(folder, lambda path: path.name in former) as new:
         for name, text in texts.items():
             write_bytes(new / name, text.encode())
     return {name: goals[name].duration for name in (APPROACH, *points, RETURN) if name in goals}
@@ -117,7 +119,10 @@ def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSetting
         refuse_degrees(arm, settings.start, "controllers.start", matrix)
 
 
-def _of_a_run(path: Path) -> bool:
-    """Whether a run writes files of this name."""
-    named = path.stem.isdigit() or path.stem in (ALL, APPROACH, RETURN)
-    return named and path.suffix in _ENDINGS
+def _of_earlier_runs(folder: Path) -> set[str]:
+    """Names of the files that earlier runs left in a folder; their trajectories are 1, 2, … without a gap."""
+    files = [path for path in folder.glob("*") if path.suffix in _ENDINGS]
+    numbers = {int(path.stem) for path in files if path.stem.isdecimal()}
+    gap = next(number for number in count(1) if number not in numbers)
+    numbered = {path.name for path in files if path.stem.isdecimal() and 1 <= int(path.stem) < gap}
+    return numbered | {path.name for path in files if path.stem in (ALL, APPROACH, RETURN)}

@@ -37,6 +37,18 @@ def test_a_saved_set_reloads_with_files_for_controllers(cell, excitation, tmp_pa
     np.testing.assert_allclose(anew.conditions, again.conditions, rtol=1e-9)
 
 
+def test_a_saved_set_replaces_a_longer_one_and_no_file_of_the_user(excitation, tmp_path):
+    folder = tmp_path / "trajectories"
+    excitation.save(tmp_path)
+    for name in ("2024.csv", "log.csv", "1.parquet"):
+        (folder / name).write_text("mine")
+    excitation[:2].save(tmp_path, {"formats": ["csv"]})
+    assert {path.name for path in folder.iterdir()} == {
+        *("1.csv", "2.csv", "all.csv"),
+        *("2024.csv", "log.csv", "1.parquet"),
+    }
+
+
 def test_a_slower_set_keeps_its_path_and_its_own_family(excitation):
     slow = excitation.at_speed(0.5)
     assert slow.family.period == 16 and slow.valid.all() and len(slow.demands()) == 3
