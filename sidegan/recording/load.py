@@ -132,6 +132,8 @@ def _open(
         table, where, remarks = bag_table(path, settings, joints.names)
         if only and only not in where:
             raise RecordingError(f"{path.name}: its joint states have {', '.join([*where][1:])}, not {only}")
+        if not settings.patterns("velocity"):
+            where.pop("velocity", None)
         return table, {name: where[name] for name in ("time", only)} if only else where, remarks
     elif suffix in _READERS:
         table = _READERS[suffix](path)

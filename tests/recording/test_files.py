@@ -342,6 +342,11 @@ def test_joints_in_separate_messages_are_merged(made, tmp_path, lag):
     assert len(found) >= len(made) - 1
 
 
+def test_velocities_of_a_bag_are_left_out_by_the_setting_that_derives_them(made, tmp_path):
+    found = load(files.write_bag(made, tmp_path), velocity=None)
+    assert found.signals().keys() == {"position", "torque"}
+
+
 def test_a_bag_with_unrelated_messages_is_read(made, tmp_path):
     """A gripper on the same topic, joints in turn, big-endian bytes, and a message that lacks a joint."""
     a, b = made.joint_names
