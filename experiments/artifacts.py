@@ -120,8 +120,8 @@ class Artifacts:
 
     @cached_property
     def subsets(self) -> pd.DataFrame:
-        """Metrics after every epoch of the variants trained on fewer seeds, and on all of them."""
-        sizes = sorted({*self.cfg.discussion.sizes, self.cfg.seeds.count})
+        """Metrics after every epoch of the variants trained on other numbers of seeds, and of the run's."""
+        sizes = sorted({*self.cfg.discussion.sizes, self.cfg.subset or self.cfg.seeds.count})
         return pd.concat([self._histories(on_subset(self.run, n)).assign(seeds=n) for n in sizes])
 
     @cached_property

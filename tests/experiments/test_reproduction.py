@@ -76,6 +76,17 @@ def test_nothing_is_said_of_fewer_seeds_that_nothing_was_trained_on(page, output
     assert all("240 seeds" in claim.text for claim in found.values())
 
 
+@pytest.mark.parametrize("subset", [None, 30])
+def test_the_numbers_of_seeds_are_those_that_variants_learned_from(tmp_path, monkeypatch, subset):
+    def histories(_, run):
+        return pd.DataFrame({"learned": [run.cfg.subset or run.cfg.seeds.count]})
+
+    monkeypatch.setattr(Artifacts, "_histories", histories)
+    config = tiny(f"subset={subset or 'null'}", experiment="reproduction")
+    found = Artifacts(RunContext(config, Store(tmp_path))).subsets
+    assert found.seeds.tolist() == found.learned.tolist() == [20, subset or 40]
+
+
 def test_only_a_variant_with_surrogates_pays_for_them(artifacts):
     run, first = artifacts.run, artifacts.cfg.trainings[0]
     surrogates = artifacts.costs(surrogate_networks(run))["cpu_seconds"]

@@ -170,8 +170,8 @@ def _pretrain(run: RunContext, build: Build, settings: SurrogateSettings) -> Non
 
 
 def on_subset(run: RunContext, size: int) -> RunContext:
-    """The run that trains on ``size`` of the seeds; the run itself if that is all of them."""
-    if size >= run.cfg.seeds.count:
+    """The run that trains on ``size`` of the seeds; the run itself if it does."""
+    if size == (run.cfg.subset or run.cfg.seeds.count):
         return run
     variants = {name: variant for name, variant in run.cfg.gan.items() if variant.features} or run.cfg.gan
     return run.with_settings(subset=size, gan=variants, trainings=run.cfg.discussion.trainings)
