@@ -149,16 +149,21 @@ class RigidBody:
         """
         from sidegan.kernels import dynamics, regressor
 
+        states, torque = self.checked(q, dq, ddq), numbers(torque, "torque")
+        if not states[0].shape == torque.shape == (len(torque), self.joints):
+            raise ShapeError(
+                f"states are {states[0].shape}, torque is {torque.shape}, expected (S, {self.joints}) both"
+            )
         count, size = threads_for(len(torque), len(torque)), self.parameters_count + 1
         of_links = regressor.columns_of_links(self.base.columns, self.joints)
         products = np.zeros((count, self.joints, size, size))
-        parts = [np.array_split(x, count) for x in (*self.checked(q, dq, ddq), torque)]
+        parts = [np.array_split(x, count) for x in (*states, torque)]
 
         def work(k: int) -> None:
-            *states, own = (x[k] for x in parts)
+            *piece, own = (x[k] for x in parts)
             y = dynamics.aligned(size, self.joints * regressor.SPAN)
             buffers = dynamics.dynamics_buffers(self.chain)
-            motion = _packed([x[None] for x in states])
+            motion = _packed([x[None] for x in piece])
             regressor.base_products(self.chain, motion, array(own.T), of_links, products[k], buffers, y)
 
         each(work, count)
@@ -176,6 +181,8 @@ class RigidBody:
         of_links = regressor.columns_of_links(self.base.columns, joints)
         rigid = information.no_terms(joints)
         if certainty is not None:
+            if certainty.shape != (joints,):
+                raise ShapeError(f"certainty is {certainty.shape}, expected ({joints},)")
             rigid = rigid._replace(roots=array(certainty))
         grams = np.empty((batch, size, size))
 
