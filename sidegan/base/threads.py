@@ -1,8 +1,9 @@
-"""Number of threads."""
+"""Number of threads, and work on several of them."""
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 
@@ -51,3 +52,17 @@ def on_threads(count: int) -> Iterator[None]:
 def one_thread() -> AbstractContextManager[None]:
     """Use one thread within the block, so that no result depends on the number of cores."""
     return on_threads(1)
+
+
+def each(work: Callable[[int], None], count: int) -> None:
+    """Run work 0, 1, … in parallel."""
+    if count == 1:
+        work(0)
+    else:
+        list(_pool(os.getpid(), count).map(work, range(count)))
+
+
+@cache
+def _pool(process: int, threads: int) -> ThreadPoolExecutor:
+    """Persistent threads of this process; a fork does not inherit its parent's."""
+    return ThreadPoolExecutor(threads, "sidegan")

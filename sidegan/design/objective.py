@@ -17,9 +17,9 @@ from sidegan.errors import ShapeError
 from sidegan.kernels import descent, goals, information
 from sidegan.kernels import objective as kernel
 from sidegan.kernels.dynamics import PenaltyLimits
+from sidegan.kernels.regressor import columns_of_links
 from sidegan.motion.arrays import array
-from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.operations import columns_of_links, share
+from sidegan.motion.dynamics import RigidBody, share
 from sidegan.validity.constraints import CONSTRAINTS
 
 _LEAST = 1e-3  # lower bound of the torque that dry friction leaves, as a share of the limit: a divisor

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from sidegan.base.arrays import Array
 from sidegan.kernels.chain import Chain
 from sidegan.kernels.dynamics import (
@@ -32,6 +34,11 @@ class Columns(NamedTuple):
 
     kinds: Array  # index of each column among its link's ten parameters, (p,)
     first: Array  # first column of each link, and p at the end, (J + 1,)
+
+
+def columns_of_links(columns: Array, joints: int) -> Columns:
+    """Ascending columns of the full regressor, for kernels."""
+    return Columns(columns % 10, np.searchsorted(columns // 10, np.arange(joints + 1)))
 
 
 @kernel

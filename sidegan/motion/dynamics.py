@@ -3,6 +3,7 @@
 Computed by compiled kernels, which are imported on first use.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -10,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array, numbers, split
-from sidegan.base.threads import on_threads, threads
+from sidegan.base.threads import each, on_threads, threads
 from sidegan.errors import RobotError, ShapeError
 from sidegan.kernels.chain import Chain
-from sidegan.motion.arrays import chain_of
+from sidegan.motion.arrays import array, chain_of
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
@@ -25,6 +26,7 @@ _MOST_STATES = 720  # in total: 72 rows per column, while computation grows with
 # vertical joint by 4e-6, so that it feels the weight of everything it turns.
 _NO_EFFECT = 1e-5
 _STATES_IN_CACHE = 2_000  # per thread, whose regressor fits into the cache
+_WORTH_A_THREAD = 1_000  # states, half a millisecond of work
 _ARMS = 64  # whose base parameters are kept
 
 
@@ -109,19 +111,31 @@ class RigidBody:
         return self._rows(self.base.columns, q, dq, ddq)
 
     def _rows(self, columns: Array, *states: Array) -> Array:
-        from sidegan.motion import operations
+        """Ascending columns (K,) of the full regressor, (…, J, K).
+
+        A view of an array with the states last, for fast products over samples.
+        """
+        from sidegan.kernels import dynamics, regressor
 
         q, *_ = checked = self.checked(*states)
-        flat = [x.reshape(-1, self.joints) for x in checked]
-        return operations.rows(self.chain, columns, flat).reshape(*q.shape, len(columns))
+        motion = _packed([x.reshape(1, -1, self.joints) for x in checked])
+        count, of_links = motion.shape[-1], regressor.columns_of_links(columns, self.joints)
+        y = np.zeros((len(columns), self.joints * (count + dynamics.LANES)))
+        buffers = dynamics.dynamics_buffers(self.chain)
+        span = regressor.base_rows(self.chain, motion, (0, 0, count), of_links, buffers, y)
+        whole = y[:, : self.joints * span].reshape(len(columns), self.joints, span)
+        return whole[:, :, :count].transpose(2, 1, 0).reshape(*q.shape, len(columns))
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm."""
-        from sidegan.motion import operations
+        from sidegan.kernels import dynamics
 
         states = self.checked(q, dq, ddq)
-        flat = [x.reshape(-1, self.joints) for x in states]
-        return operations.torques(self.chain, flat, self.arm.inertial_parameters).reshape(states[0].shape)
+        motion = _packed([x.reshape(1, -1, self.joints) for x in states])
+        torque, parameters = np.empty(motion.shape[2:]), array(self.arm.inertial_parameters.ravel())
+        buffers = dynamics.dynamics_buffers(self.chain)
+        dynamics.inverse_dynamics(self.chain, motion, parameters, torque, buffers)
+        return torque.T.reshape(states[0].shape)
 
     def drive_torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """Torque of the drives [N·m], (…, J): ``torque`` plus known friction and rotor inertia."""
@@ -133,10 +147,53 @@ class RigidBody:
 
         States and torque are (S, J). The regressor is never stored.
         """
-        from sidegan.motion import operations
+        from sidegan.kernels import dynamics, regressor
+
+        states, torque = self.checked(q, dq, ddq), numbers(torque, "torque")
+        if not states[0].shape == torque.shape == (len(torque), self.joints):
+            raise ShapeError(
+                f"states are {states[0].shape}, torque is {torque.shape}, expected (S, {self.joints}) both"
+            )
+        count, size = threads_for(len(torque), len(torque)), self.parameters_count + 1
+        of_links = regressor.columns_of_links(self.base.columns, self.joints)
+        products = np.zeros((count, self.joints, size, size))
+        parts = [np.array_split(x, count) for x in (*states, torque)]
+
+        def work(k: int) -> None:
+            *piece, own = (x[k] for x in parts)
+            y = dynamics.aligned(size, self.joints * regressor.SPAN)
+            buffers = dynamics.dynamics_buffers(self.chain)
+            motion = _packed([x[None] for x in piece])
+            regressor.base_products(self.chain, motion, array(own.T), of_links, products[k], buffers, y)
+
+        each(work, count)
+        return products.sum(0)
+
+    def grams(self, q: Array, dq: Array, ddq: Array, certainty: Array | None = None) -> Array:
+        """Gram matrices YᵀY / T of the base regressor, summed over joints, (B, p, p), of states (B, T, J).
+
+        Each joint's rows of Y are weighted by its certainty, (J,); None: ones.
+        """
+        from sidegan.kernels import dynamics, information, regressor
 
         states = self.checked(q, dq, ddq)
-        return operations.joint_sums(self.chain, self.base.columns, states, torque)
+        (batch, count, joints), size = states[0].shape, self.parameters_count
+        of_links = regressor.columns_of_links(self.base.columns, joints)
+        rigid = information.no_terms(joints)
+        if certainty is not None:
+            if certainty.shape != (joints,):
+                raise ShapeError(f"certainty is {certainty.shape}, expected ({joints},)")
+            rigid = rigid._replace(roots=array(certainty))
+        grams = np.empty((batch, size, size))
+
+        def work(k: slice) -> None:
+            y = dynamics.aligned(size, joints * regressor.SPAN)
+            buffers, motion = dynamics.dynamics_buffers(self.chain), _packed([x[k] for x in states])
+            extra = rigid, information.signals_for(rigid, count, 0)
+            information.weighted_grams(self.chain, motion, of_links, extra, grams[k], buffers, y)
+
+        share(work, batch, count)
+        return grams
 
     def checked(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> list[Array]:
         """States as float64 arrays, after a check of their shapes."""
@@ -151,20 +208,38 @@ class RigidBody:
 def gram(
     body: RigidBody, trajectory: Trajectory, c: Array, samples: int = 80, certainty: Array | None = None
 ) -> Array:
-    """Gram matrices YᵀY / T of the base regressor, summed over joints, (B, p, p), at centres of cells.
+    """Gram matrices of trajectories at centres of cells, (B, p, p), as ``RigidBody.grams``.
 
-    Each joint's rows of Y are weighted by its certainty, (J,); None: ones. Takes about 150 MB in addition to
-    the result, whatever the number of trajectories, samples and joints.
+    Takes about 150 MB in addition to the result, whatever the number of trajectories, samples and joints.
     """
-    from sidegan.motion import operations
-
     times = trajectory.grid(samples)
     batch = max(1, _STATES_IN_CACHE * threads() // samples)
-    grams = []
-    for part in split(c, batch):
-        states = body.checked(*trajectory.roll_out(part, times)[1:])
-        grams.append(operations.gram_matrices(body.chain, body.base.columns, states, certainty))
-    return np.concatenate(grams)
+    motions = (trajectory.roll_out(part, times)[1:] for part in split(c, batch))
+    return np.concatenate([body.grams(*states, certainty) for states in motions])
+
+
+def _packed(states: Sequence[Array]) -> Array:
+    """States (B, T, J) for kernels, (5, B, J, T): sine and cosine of the position, then the states."""
+    from sidegan.kernels.links import waves
+
+    batch, count, joints = states[0].shape
+    packed = np.empty((5, batch, joints, count))
+    for row, x in zip(packed[2:], states):
+        row[...] = x.transpose(0, 2, 1)
+    waves(packed[2].ravel(), packed[0].ravel(), packed[1].ravel())
+    return packed
+
+
+def threads_for(tasks: int, states: int) -> int:
+    """Number of threads worth using for this many tasks and states."""
+    return max(1, min(threads(), tasks, states // _WORTH_A_THREAD))
+
+
+def share(work: Callable[[slice], None], batch: int, states: int) -> None:
+    """Run work on slices of a batch, one per thread; each item is as much work as ``states`` states."""
+    count = threads_for(batch, batch * states)
+    cuts = [batch * k // count for k in range(count + 1)]
+    each(lambda k: work(slice(cuts[k], cuts[k + 1])), count)
 
 
 def _first_independent(y: Array) -> Array:

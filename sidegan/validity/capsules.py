@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.errors import ShapeError
 from sidegan.kernels.chain import Bodies, Chain, Hulls, Shapes
 from sidegan.motion.arrays import array, chain_of, kernel_shapes
 from sidegan.robot import Arm
@@ -35,11 +36,17 @@ def capsule_clearances(chain: Chain, shapes: Shapes, q: Array) -> tuple[Array, A
     """Signed distances [m] of capsule pairs, (N, P), and of guarded ones from regions, (N, K), at (N, J).
 
     Distances of two nearly coincident segments are accurate to 1e-7 of a length in the worst case.
+
+    Raises:
+        ShapeError: when the positions are not (N, J).
     """
     from sidegan.kernels import bodies as kernel
 
+    joints = len(chain.prismatic)
+    if q.shape[1:] != (joints,):
+        raise ShapeError(f"positions are {q.shape}, expected (N, {joints})")
     pairs, regions = (np.empty((len(q), len(x))) for x in (shapes.pairs, shapes.guarded))
-    kernel.signed_distances(chain, shapes, array(q), pairs, regions, kernel.pose_for(shapes, q.shape[1]))
+    kernel.signed_distances(chain, shapes, array(q), pairs, regions, kernel.pose_for(shapes, joints))
     return pairs, regions
 
 

@@ -10,11 +10,10 @@ from functools import lru_cache
 import numpy as np
 
 from sidegan.base.arrays import Array, flatten
-from sidegan.base.threads import threads
+from sidegan.base.threads import each, threads
 from sidegan.kernels import cells as kernel_cells
 from sidegan.kernels import proof as kernel
 from sidegan.motion.arrays import array
-from sidegan.motion.operations import each
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot.consistency import inertia_matrices
 from sidegan.validity.capsules import reaches, travel

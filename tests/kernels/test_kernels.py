@@ -12,7 +12,6 @@ from sidegan.base.threads import on_threads
 from sidegan.kernels import dynamics
 from sidegan.kernels.dynamics import PenaltyLimits
 from sidegan.kernels.information import no_terms, signals_for, weighted_slopes
-from sidegan.motion import operations
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain, random_states
@@ -37,7 +36,7 @@ def test_weighted_grams_and_sums_are_those_of_the_regressor(chain, size):
     y, torque = body.base_regressor(*states), normal(*size, body.joints)
     certainty = np.linspace(0.5, 2.0, body.joints)
     rows = (certainty[:, None] * y).reshape(len(y), -1, y.shape[-1])
-    grams = operations.gram_matrices(body.chain, body.base.columns, states, certainty)
+    grams = body.grams(*states, certainty)
     close(grams, rows.mT @ rows / size[1], 1e-13)
     rows = np.concatenate([y, torque[..., None]], 3)[0].swapaxes(0, 1)
     close(body.sums(*(x[0] for x in states), torque[0]), rows.mT @ rows, 1e-13)

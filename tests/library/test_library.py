@@ -91,6 +91,7 @@ def test_merge_and_take_are_inverse(tmp_path, monkeypatch):
     both = first.merge(other)
     assert_same(both.take(range(4)), first)
     assert_same(both.take(np.arange(4, 9)), other)
+    assert_same(both.take(np.arange(9) >= 4), other)
     assert_same(first.merge(first.take([])), first)
     monkeypatch.setitem(collection.OPTIONS, "row_group_size", 2)
     for name, part in (("one", first), ("other", other), ("none", first.take([]))):

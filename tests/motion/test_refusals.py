@@ -29,6 +29,15 @@ REFUSALS = [  # what the message names, and the call
     ("(4, 6)", partial(LWR.torque, *states((4, 6), (4, 7), (4, 7)))),
     ("(5, 7)", partial(LWR.torque, *states((4, 7), (5, 7), (4, 7)))),
     ("(7,)", partial(LWR.regressor, *states((4, 7), (4, 7), (7,)))),
+    *(
+        ("torque", partial(LWR.sums, *states(*3 * [(4, 7)], x)))
+        for x in ((4, 6), (4, 8), (3, 7), (5, 7), (28,))
+    ),
+    ("(2, 4, 7)", partial(LWR.sums, *states(*4 * [(2, 4, 7)]))),
+    *(
+        ("certainty", partial(gram, LWR, Trajectory(7), np.zeros((1, 7, 6, 2)), certainty=np.ones(x)))
+        for x in (6, 8, (1, 7))
+    ),
     ("velocity", partial(PLANAR.drive_torque, [0, 0], ["a", "b"], [0, 0])),
     ("2", partial(gram, PLANAR, SHORT, *states((5, 7, 4, 2)))),
     ("joints", partial(Trajectory, 0)),

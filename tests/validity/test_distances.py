@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from sidegan.base.arrays import Array
+from sidegan.errors import ShapeError
 from sidegan.kernels import gjk as kernel
 from sidegan.motion.arrays import chain_of, kernel_shapes
 from sidegan.motion.trajectory import Trajectory
@@ -21,6 +22,7 @@ from sidegan.validity.regions import tables
 from tests.chains import lenient, random_states
 from tests.motion.conftest import normal
 from tests.oracle import capsule_geometry, chain_model
+from tests.refusals import refused
 
 from .critical import BLOCK, filled, moderate
 
@@ -115,6 +117,14 @@ def test_capsule_distances_agree_with_coal(arm: Arm, thicker: float) -> None:
     distance, which = constraints.nearest(q)
     np.testing.assert_allclose(distance, ours.min(1), atol=0)
     assert (which == ours.argmin(1)).all()
+
+
+@pytest.mark.parametrize("joints", [6, 8])
+def test_positions_of_another_arm_are_refused(arm: Arm, joints: int) -> None:
+    constraints, q = Constraints(arm), np.zeros((3, joints))
+    for measure in (lambda: constraints.nearest(q), lambda: constraints.distances_at(q[0])):
+        with refused(ShapeError, f"{joints})", "(N, 7)"):
+            measure()
 
 
 def hull(random: np.random.Generator) -> np.ndarray:
