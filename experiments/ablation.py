@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from experiments import tables
 from experiments.artifacts import Artifacts
 from experiments.pages import FOLDER, leave, target_of
+from experiments.sets import colour
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.measures import variations
 from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.stages.training import generator
 from sidegan.pipeline.tracking import Tracker
-from sidegan.report import tables
 from sidegan.report.document import write_page
+from sidegan.report.tables import spread
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
@@ -92,7 +94,7 @@ def table(found: pd.DataFrame) -> pd.DataFrame:
     """A line for each row and variant."""
     lines = {}
     for (row, name), part in found.groupby(["row", "name"], sort=False):
-        cells = {label: tables.spread(part[key]) for key, label in _SHOWN.items()}
+        cells = {label: spread(part[key]) for key, label in _SHOWN.items()}
         lines[row, name] = {"n": len(part)} | cells
     frame = pd.DataFrame.from_dict(lines, orient="index")
     frame.index = pd.MultiIndex.from_tuples(frame.index, names=["changed", "variant"])
@@ -102,7 +104,6 @@ def table(found: pd.DataFrame) -> pd.DataFrame:
 def front(found: pd.DataFrame) -> "Figure":
     """Invalid share, and both coverages, against the condition number: eigen over its weight, and vanilla."""
     from sidegan.report.canvas import blank, from_zero, legend, letter, logarithmic, tidy
-    from sidegan.report.style import colour
 
     found = found.assign(invalid=1 - found.valid)
     weights = found["row"].str.removeprefix(FRONT).where(found["row"].str.startswith(FRONT))

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from experiments import training
+from experiments import figures, tables, training
 from experiments.artifacts import Artifacts
 from experiments.pages import PAPER, leave
+from experiments.sets import kind_of, sort_sets, title, weighting
 from experiments.verdicts import (
     ALONE,
     CONFIDENCE,
@@ -30,7 +31,7 @@ from experiments.verdicts import (
 )
 from sidegan.base.names import counted
 from sidegan.pipeline.tracking import Tracker
-from sidegan.report import figures, tables
+from sidegan.report.tables import spread
 
 SIMULATOR, WEIGHTED = "Simulator", "Simulator, weighted RLS"
 EXPECTED, EXPECTED_WEIGHTED = "Simulator, expected", "Simulator, weighted, expected"
@@ -96,18 +97,18 @@ def table1(
         if label in (EXPECTED, PLANT, PLANT_WEIGHTED):
             rows[f"{label}, geometric mean"] = _by_set(geometric(part).set_index("set").nmse)
         rows[label] = _by_set(part.groupby(["set", *levels]).nmse.mean())
-    columns = tables.sort_sets(raw["set"].unique())
-    kinds = {name: tables.kind_of(name)[0].removesuffix("-") for name in columns}
+    columns = sort_sets(raw["set"].unique())
+    kinds = {name: kind_of(name)[0].removesuffix("-") for name in columns}
     kinds |= dict.fromkeys(SIDE_GANS, "generated")
     for label, paper in PAPER["table1"].items():
         rows[label] = {name: paper.get(kinds[name], "—") for name in columns}
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns).fillna("—")
-    table.columns = [tables.title(name) for name in columns]
+    table.columns = [title(name) for name in columns]
     return table.rename_axis("nMSE")
 
 
 def _by_set(means: pd.Series) -> dict[str, str]:
-    return {str(name): tables.spread(group) for name, group in means.groupby("set")}
+    return {str(name): spread(group) for name, group in means.groupby("set")}
 
 
 def draws(frame: pd.DataFrame) -> pd.DataFrame:
@@ -119,7 +120,7 @@ def draws(frame: pd.DataFrame) -> pd.DataFrame:
         rows[str(name)] = {
             label: words(Interval(low[key], mean[key], high[key])) for key, label in NOISES.items()
         }
-    return pd.DataFrame.from_dict(rows, orient="index").loc[tables.sort_sets(rows)].rename_axis("drawn from")
+    return pd.DataFrame.from_dict(rows, orient="index").loc[sort_sets(rows)].rename_axis("drawn from")
 
 
 def finding(frame: pd.DataFrame) -> str:
@@ -150,7 +151,7 @@ def factors(
             for label, errors in ((name, part), (f"{name}, geometric mean", geometric(part))):
                 ratios = over_others(errors, trained)
                 rows[label] = {
-                    tables.title(key): words(interval(x).turned(np.exp)).removesuffix(f" {ALONE}")
+                    title(key): words(interval(x).turned(np.exp)).removesuffix(f" {ALONE}")
                     for key, x in ratios.items()
                 }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("seeds over")
@@ -165,7 +166,7 @@ def on_plants(plant: pd.DataFrame, trained: Collection[str]) -> str:
         larger = sum(interval(x).mean < 0 for x in effects)
         worse = verdicts.count(NOT)
         sentences.append(
-            f"{tables.weighting(bool(weighted))}: {larger} of {len(effects)} sets with generated trajectories"
+            f"{weighting(bool(weighted))}: {larger} of {len(effects)} sets with generated trajectories"
             f" have a larger error than the seeds, {worse} significantly;"
             f" {verdicts.count(HOLDS)} a significantly smaller one"
         )
@@ -176,7 +177,7 @@ def on_plants(plant: pd.DataFrame, trained: Collection[str]) -> str:
 def over_others(frame: pd.DataFrame, trained: Collection[str]) -> dict[str, pd.Series]:
     """Log ratio of the seeds' nMSE to that of each set of equal size, draw by draw, by set."""
     errors = by_set(frame, "nmse", trained)
-    others = [key for key in tables.sort_sets(errors) if tables.kind_of(key)[0] not in ("seeds", "long-")]
+    others = [key for key in sort_sets(errors) if kind_of(key)[0] not in ("seeds", "long-")]
     return {key: of_several(log_ratio(errors["seeds"], errors[key])) for key in others}
 
 
@@ -195,4 +196,4 @@ def summary(artifacts: Artifacts) -> pd.DataFrame:
     for name, frame in parts.items():
         for weighted, part in frame.groupby(frame.weighted.astype(bool)):
             columns[f"{name}, weighted" if weighted else name] = part.groupby("set", sort=False).nmse.mean()
-    return pd.DataFrame(columns).reindex(tables.sort_sets(raw["set"].unique()))
+    return pd.DataFrame(columns).reindex(sort_sets(raw["set"].unique()))

@@ -10,12 +10,13 @@ import pandas as pd
 
 from experiments.artifacts import Artifacts
 from experiments.pages import PAPER, leave
+from experiments.sets import sort_sets, title, weighting
 from experiments.verdicts import REPEAT, TRAINING, interval, of_several, words
 from sidegan.base.names import plain
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.replication import CONTROLS, FITTED
 from sidegan.pipeline.tracking import Tracker
-from sidegan.report import tables
+from sidegan.report.tables import spread
 
 READINGS = {
     "seeds": "measurements of the seeds",
@@ -57,7 +58,7 @@ def summary(artifacts: Artifacts) -> pd.DataFrame:
         }
         columns[f"improvement over seeds ×{replicas} [%]"] = pd.Series(gains)
     columns["‖diag P‖"] = facts.groupby("set", sort=False).covariance_norm.mean()
-    return pd.DataFrame(columns).reindex(tables.sort_sets(errors["set"].unique()))
+    return pd.DataFrame(columns).reindex(sort_sets(errors["set"].unique()))
 
 
 def added(config: Config) -> list[str]:
@@ -65,9 +66,9 @@ def added(config: Config) -> list[str]:
     return [*config.gan, *CONTROLS]
 
 
-def title(name: str) -> str:
+def _label(name: str) -> str:
     """Label of a set in tables II and III."""
-    return f"seeds + {_CONTROLS[name]}" if name in _CONTROLS else tables.title(name)
+    return f"seeds + {_CONTROLS[name]}" if name in _CONTROLS else title(name)
 
 
 def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
@@ -87,7 +88,7 @@ def percent(gain: float) -> float:
 def tables2(results: pd.DataFrame, config: Config) -> dict[str, tuple[pd.DataFrame, str]]:
     """Table II by name, unweighted and weighted if available, with the label of the weighting."""
     return {
-        "table2_weighted" if weighted else "table2": (table2(part, config), tables.weighting(bool(weighted)))
+        "table2_weighted" if weighted else "table2": (table2(part, config), weighting(bool(weighted)))
         for weighted, part in results.groupby("weighted")
     }
 
@@ -105,8 +106,8 @@ def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
             gain = improvement(part, name, f"seeds ×{replicas}")
             joints = gain.groupby("joint").improvement.mean()
             effect = gain.groupby([TRAINING, REPEAT]).gain.mean()
-            rows[f"{title(name)} over seeds ×{replicas}"] = {
-                "mean over joints": tables.spread(joints),
+            rows[f"{_label(name)} over seeds ×{replicas}"] = {
+                "mean over joints": spread(joints),
                 "median": plain(joints.median()),
                 "geometric mean": words(interval(of_several(effect)).turned(percent)),
                 "paper, mean": PAPER["table2"].get(name, {}).get(replicas, "—"),
@@ -133,10 +134,10 @@ def readings(made: Artifacts) -> pd.DataFrame:
 def table3(facts: pd.DataFrame) -> pd.DataFrame:
     """Table III: covariance norms, with the paper's."""
     rows = {}
-    for name in tables.sort_sets(facts["set"].unique()):
+    for name in sort_sets(facts["set"].unique()):
         part = facts[facts["set"] == name]
-        rows[title(name)] = {
-            "‖diag P‖": tables.spread(part.groupby(TRAINING).covariance_norm.mean()),
+        rows[_label(name)] = {
+            "‖diag P‖": spread(part.groupby(TRAINING).covariance_norm.mean()),
             "‖diag P‖ × samples": plain((part.covariance_norm * part.samples).mean()),
             _FITTED: plain(part.fitted_norm.mean()),
             "paper": PAPER["table3"].get(name, "—"),
@@ -147,9 +148,9 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
 def errors(results: pd.DataFrame) -> pd.DataFrame:
     """NMSE of every set, mean over joints ± standard deviation over trainings and noise draws."""
     rows: dict[str, dict[str, str]] = {}
-    for name in tables.sort_sets(results["set"].unique()):
+    for name in sort_sets(results["set"].unique()):
         part = results[results["set"] == name]
         mean = {w: p.groupby([TRAINING, REPEAT]).nmse.mean() for w, p in part.groupby("weighted")}
-        row = {"weighted" if w else "unweighted": tables.spread(values) for w, values in mean.items()}
-        rows[title(name)] = row
+        row = {"weighted" if w else "unweighted": spread(values) for w, values in mean.items()}
+        rows[_label(name)] = row
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("nMSE")

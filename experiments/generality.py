@@ -5,15 +5,16 @@ from pathlib import Path
 
 import pandas as pd
 
+from experiments import tables
 from experiments.artifacts import Artifacts
 from experiments.pages import DOCS, FOLDER, leave, target_of
+from experiments.sets import sort_sets
 from sidegan.base.names import plain
 from sidegan.errors import ConfigError
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.measures import variations
 from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.tracking import Tracker
-from sidegan.report import tables
 from sidegan.report.document import write_page
 from sidegan.report.export import read_tables
 
@@ -81,7 +82,7 @@ def beside_seeds(frame: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
     table = pd.concat(
         [means[[VALID]], means[["cosine"]].set_axis([COSINE], axis=1), over.rename(columns=_OVER)], axis=1
     )
-    order = [name for name in tables.sort_sets(means.index) if name in (SEEDS, *_BASELINES, *trained)]
+    order = [name for name in sort_sets(means.index) if name in (SEEDS, *_BASELINES, *trained)]
     return table.loc[order].rename_axis("generator")
 
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from experiments import claims, exp1, exp2, generality, training
+from experiments import claims, exp1, exp2, figures, generality, tables, training
 from experiments.artifacts import Artifacts, comparison
 from experiments.pages import COLUMNS, DOCS, FOLDER, PAPER, target_of
+from experiments.sets import colours, title
 from experiments.verdicts import CONFIDENCE, GANS, UNKNOWN
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
@@ -21,10 +22,10 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.stages.training import generator, generators, surrogate_networks
 from sidegan.pipeline.tracking import Tracker
-from sidegan.report import export, figures, motion, tables
+from sidegan.report import export, motion
 from sidegan.report.document import write_page
 from sidegan.report.motion import Bundle
-from sidegan.report.style import colours
+from sidegan.report.tables import formatted
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
@@ -155,7 +156,7 @@ def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str,
     return {
         "claims": claims.table(judged),
         "findings": claims.findings(judged),
-        "seeds": _once(tables.formatted(seeds, COLUMNS["seeds"]).rename_axis("condition")),
+        "seeds": _once(formatted(seeds, COLUMNS["seeds"]).rename_axis("condition")),
         **{key: _joined(key, tables_of) for key in _JOINED},
         **{f"{name}-{key}": table for name, shown in tables_of.items() for key, table in shown.items()},
     }
@@ -187,7 +188,7 @@ def _once(joined: pd.DataFrame) -> pd.DataFrame:
 def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
     """The tables of a condition, by name."""
     longs = {f"{name.removeprefix('long-')} harmonics": dict(x) for name, (x, _) in made.longs.items()}
-    searches = tables.formatted(pd.DataFrame(longs).T, COLUMNS["long"], UNKNOWN)
+    searches = formatted(pd.DataFrame(longs).T, COLUMNS["long"], UNKNOWN)
     shown = {
         "generators": tables.generator_table(made.generators),
         "likeness": tables.likeness_table(made.generators),
@@ -202,7 +203,7 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
         "table3": exp2.table3(made.whole_facts),
         "whole": exp2.errors(made.whole_errors),
         "searches": training.searched(made),
-        "density": tables.formatted(made.density, COLUMNS["density"]).set_index("bandwidth [Scott's]"),
+        "density": formatted(made.density, COLUMNS["density"]).set_index("bandwidth [Scott's]"),
         "timing": _timing(made),
     }
     return shown | {name: table for name, (table, _) in exp2.tables2(made.whole_errors, made.cfg).items()}
@@ -244,7 +245,7 @@ def _timing(artifacts: Artifacts) -> pd.DataFrame:
     }
     frame = pd.DataFrame.from_dict(rows, orient="index", columns=["what", "ours"])
     frame["paper"] = pd.Series(PAPER["seconds"], dtype=float)
-    table = tables.formatted(frame.assign(ratio=frame.paper / frame.ours), COLUMNS["timing"])
+    table = formatted(frame.assign(ratio=frame.paper / frame.ours), COLUMNS["timing"])
     ours = COLUMNS["timing"]["ours"][0]
     return table.assign(**{ours: table[ours].replace("—", UNKNOWN)}).set_index("what")
 
@@ -264,7 +265,7 @@ def _figures(made: Artifacts) -> dict[str, "Figure"]:
     stacked = []
     for (name, (kind, c)), shade in zip(sets.items(), colours(sets)):
         size = f"{kind.period:.4g} s" if len(c) == 1 else f"{len(c)} × {kind.period:.4g} s"
-        stacked.append(Bundle(f"{tables.title(name)}\n{size}", kind, c, shade))
+        stacked.append(Bundle(f"{title(name)}\n{size}", kind, c, shade))
     return {
         "training": training.figure(made.histories, made.few_seeds, union),
         "nmse": figures.errors(made.errors),

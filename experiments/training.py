@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from experiments import figures, tables
 from experiments.artifacts import Artifacts
 from experiments.pages import leave
+from experiments.sets import sort_sets
 from experiments.verdicts import TRAINING
 from sidegan.base.arrays import flatten
 from sidegan.base.names import counted
@@ -20,7 +22,8 @@ from sidegan.pipeline.stages.measures import together
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.tracking import Tracker
-from sidegan.report import figures, motion, tables
+from sidegan.report import motion
+from sidegan.report.tables import formatted, spread
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
@@ -83,7 +86,7 @@ def searched(artifacts: Artifacts) -> pd.DataFrame:
         each = artifacts.costs(made)["cpu_each"]
         rows[name] = {"each": 1e3 * each} | {key: cost / each for key, cost in once.items()}
     columns = {"each": ("CPU [ms]", ".3g")} | {key: (key, ".3g") for key in once}
-    return tables.formatted(pd.DataFrame.from_dict(rows, orient="index"), columns).rename_axis("search")
+    return formatted(pd.DataFrame.from_dict(rows, orient="index"), columns).rename_axis("search")
 
 
 def means(generators: pd.DataFrame) -> pd.DataFrame:
@@ -128,10 +131,10 @@ def speed(histories: pd.DataFrame) -> pd.DataFrame:
         first = ["never" if pd.isna(x) else f"{x:g}" for x in reached.idxmax().where(reached.any())]
         rows[name] = {
             "first epoch": ", ".join(f"{x} ({n} ×)" if n > 1 else x for x, n in Counter(first).items()),
-            f"valid after {EARLY} epochs": tables.spread(share.loc[EARLY:EARLY].mean()),
-            "best": tables.spread(share.max()),
-            f"mean from epoch {LATE} on": tables.spread(share.loc[LATE:].mean()),
-            "last": tables.spread(share.iloc[-1]),
+            f"valid after {EARLY} epochs": spread(share.loc[EARLY:EARLY].mean()),
+            "best": spread(share.max()),
+            f"mean from epoch {LATE} on": spread(share.loc[LATE:].mean()),
+            "last": spread(share.iloc[-1]),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("variant")
 
@@ -139,5 +142,5 @@ def speed(histories: pd.DataFrame) -> pd.DataFrame:
 def sizes(subsets: pd.DataFrame) -> pd.DataFrame:
     """Valid share after the last epoch, by variant and number of seeds."""
     kept = subsets[subsets.kept]
-    table = kept.groupby(["variant", "seeds"]).success.agg(tables.spread).unstack("seeds").fillna("—")
-    return table.loc[tables.sort_sets(table.index)].rename(columns="{} seeds".format)
+    table = kept.groupby(["variant", "seeds"]).success.agg(spread).unstack("seeds").fillna("—")
+    return table.loc[sort_sets(table.index)].rename(columns="{} seeds".format)

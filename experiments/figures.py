@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from experiments.sets import colour, colours, sort_sets, title, weighting
+from experiments.tables import LIKENESS, WORTH
 from sidegan.report.canvas import blank, from_zero, legend, letter, logarithmic, tidy
-from sidegan.report.style import colour, colours
-from sidegan.report.tables import LIKENESS, WORTH, sort_sets, title, weighting
 
 # Metrics of a generator, with the labels of their panels.
 METRICS = {

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sidegan.report import figures
+from experiments import figures
+from experiments.sets import colour, colours
 from sidegan.report.canvas import blank, from_zero, svg
-from sidegan.report.style import colour, colours
 from tests.report.pages import Page
 
 SEEDS = {"invalid": 0.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank_uncentred": 20.0}
