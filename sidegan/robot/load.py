@@ -74,7 +74,7 @@ def load_robot(
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
     if setup.may_touch:  # which changes what trajectories are valid
         stamped += sorted({" ".join(sorted(pair)) for *pair, _ in description.may_touch})
-    stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
+    stamped += [] if capsules.exact.all() else [f"shapes {VERSION}"]
     _warn(description, refused, setup)
     return Arm(
         name=description.name,
