@@ -90,13 +90,16 @@ def _inertia(random: np.random.Generator) -> pin.Inertia:
 def _capsules(random: np.random.Generator, joints: int) -> Capsules:
     """One on every link, and one on the base."""
     ends = random.uniform(-0.2, 0.2, (2, joints + 1, 3))
-    return Capsules(
-        link=np.arange(-1, joints),
-        a=ends[0],
-        b=ends[1],
-        radius=random.uniform(0.01, 0.05, joints + 1),
-        owners=("base", *(f"link{i + 1}" for i in range(joints))),
-    )
+    radius = random.uniform(0.01, 0.05, joints + 1)
+    owners = ("base", *(f"link{i + 1}" for i in range(joints)))
+    return exact_capsules(np.arange(-1, joints), *ends, radius, owners)
+
+
+def exact_capsules(link: Array, a: Array, b: Array, radius: Array, owners: tuple[str, ...]) -> Capsules:
+    """Capsules that are the shapes themselves."""
+    corners, start = np.stack([a, b], 1).reshape(-1, 3), 2 * np.arange(len(link) + 1)
+    exact = np.ones(len(link), bool)
+    return Capsules(link, a, b, radius, owners, corners, start, radius, radius, exact, ~exact)
 
 
 def driven(arm: Arm, seed: int = 0, scale: float = 1.0) -> Arm:

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,36 +21,30 @@ _FINEST = 2.0**40  # steps per unit: 1e-12 is above rounding errors and below si
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
-    """Bodies inside C capsules: convex hulls, each inflated by a radius.
-
-    If the body is the capsule itself, its corners are the segment's ends and its radius is the capsule's.
-    """
-
-    corners: Array  # of all pieces, in the frames of their links [m], (V, 3)
-    start: Array  # index of each piece's first corner, and the number of corners, (C + 1,)
-    radius: Array  # by which the hulls are inflated [m], (C,)
-    exact: Array  # whether a piece is the capsule itself, (C,) bool
-    fitted: Array  # whether capsule and piece were fitted to meshes, (C,) bool
-    core: Array  # radius of a capsule on the same axis with the piece's volume [m], (C,)
-
-
-@dataclass(frozen=True, eq=False)
 class Capsules:
-    """Capsules that enclose the links: all points within a radius [m] of a segment."""
+    """C capsules that enclose the links, all points within a radius [m] of a segment, and the pieces inside.
+
+    A piece is a convex hull, inflated by a radius. If the capsule is the exact shape, they are the same: the
+    corners of the hull are the segment's ends.
+    """
 
     link: Array  # joint in whose frame the capsule is given, (C,), 0..J-1; -1 is the base (world frame)
     a: Array  # one end of the segment [m], (C, 3)
     b: Array  # the other end [m], (C, 3); equal to `a` for a sphere
     radius: Array  # radius [m], (C,)
     owners: tuple[str, ...]  # the description's link that each belongs to
-    pieces: Pieces | None = None  # bodies inside them; None if the capsules are the exact shapes
+    corners: Array  # of all pieces, in the frames of their links [m], (V, 3)
+    start: Array  # index of each piece's first corner, and the number of corners, (C + 1,)
+    rounding: Array  # radius by which the hulls are inflated [m], (C,)
+    core: Array  # radius [m] with the piece's volume on the same axis, for optimisers' penalties, (C,)
+    exact: Array  # whether a capsule is the piece itself, (C,) bool
+    fitted: Array  # whether capsule and piece were fitted to meshes, (C,) bool
     points: int = 0  # number of the last ones that are points of links without shapes, used for regions only
 
     @property
-    def core(self) -> Array:
-        """Radii [m], (C,), with which optimisers avoid collisions: about those of the bodies inside."""
-        return self.radius if self.pieces is None else self.pieces.core
+    def hulls(self) -> list[Array]:
+        """Corners of each piece's hull, (V, 3)."""
+        return [self.corners[first:end] for first, end in pairwise(self.start.tolist())]
 
     @property
     def shaped(self) -> Array:
@@ -184,8 +179,7 @@ def digest_of(numbers: dict[str, Array], capsules: Capsules, extra: Sequence[str
     Capsules fitted to meshes do not count, as they vary between machines; ``extra`` has the digests of the
     meshes instead.
     """
-    given = slice(None) if capsules.pieces is None else ~capsules.pieces.fitted
-    shapes = {name: getattr(capsules, name)[given] for name in ("a", "b", "link", "radius")}
+    shapes = {name: getattr(capsules, name)[~capsules.fitted] for name in ("a", "b", "link", "radius")}
     state = hashlib.sha256()
     for name, values in sorted((numbers | shapes).items()):
         state.update(f"{name}{values.shape}".encode())

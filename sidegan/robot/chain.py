@@ -2,13 +2,11 @@
 
 import math
 import re
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 from sidegan.base.names import listed
 from sidegan.base.settings_text import setting_name, suggest_by_joint, suggestion
 from sidegan.errors import RobotError
-from sidegan.robot import xml
 from sidegan.robot.arm import LOCKED
 from sidegan.robot.setup import Setup
 from sidegan.robot.tree import MOVABLE, REFUSED, Tree, UrdfJoint, similar_names
@@ -29,7 +27,7 @@ def choose_chain(tree: Tree, setup: Setup) -> tuple[tuple[UrdfJoint, ...], dict[
         if joint.kind in REFUSED and joint.name not in given:
             still = suggest_by_joint("locked", {joint.name: 0.0}, given)
             raise RobotError(
-                f"{tree.at(joint)} is {joint.kind}: {REFUSED[joint.kind]}; {still} locks it at its origin"
+                f"{joint.at} is {joint.kind}: {REFUSED[joint.kind]}; {still} locks it at its origin"
             )
     moving = tuple(joint for joint in path if _moves(joint) and joint.name not in given)
     if not moving:
@@ -59,17 +57,16 @@ def _path(tree: Tree, setup: Setup) -> list[UrdfJoint]:
 
 def _moves(joint: UrdfJoint) -> bool:
     """Whether a joint has one degree of freedom of its own."""
-    return joint.kind in MOVABLE and joint.mimic is None
+    return joint.kind in MOVABLE and joint.leader is None
 
 
 def _mimicked_beside(tree: Tree) -> set[str]:
     """Joints mimicked by a joint that is not one of their descendants, as of fingers that open together."""
     found = set()
     for joint in tree.joints.values():
-        if joint.mimic is not None:
-            master = joint.mimic.get("joint", "")
-            if master not in {ancestor.name for ancestor in tree.path(joint.parent)}:
-                found.add(master)
+        ancestors = {ancestor.name for ancestor in tree.path(joint.parent)}
+        if joint.leader is not None and joint.leader not in ancestors:
+            found.add(joint.leader)
     return found
 
 
@@ -117,28 +114,26 @@ def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str
     ends: list[str] = []  # settings that end the arm before a joint that one behind it mimics
 
     def middle(joint: UrdfJoint) -> float:
-        lower, upper = tree.span(joint) or (0.0, 0.0)
+        lower, upper = joint.span or (0.0, 0.0)
         return (lower + upper) / 2 if lower < upper else 0.0
 
     def stand(joint: UrdfJoint, followers: tuple[str, ...] = ()) -> float:
         if joint.name not in locked:
             if joint.name in given:
                 locked[joint.name] = given[joint.name]
-            elif joint.mimic is None:
+            elif joint.leader is None:
                 locked[joint.name] = middle(joint)
             else:
-                locked[joint.name] = follow(joint, joint.mimic, (*followers, joint.name))
+                locked[joint.name] = follow(joint, joint.leader, (*followers, joint.name))
         return locked[joint.name]
 
-    def follow(joint: UrdfJoint, mimic: ET.Element, followers: tuple[str, ...]) -> float:
-        """Position of a joint that mimics another: multiplier · its position + offset."""
-        at = tree.at(joint)
-        name = mimic.get("joint", "")
+    def follow(joint: UrdfJoint, name: str, followers: tuple[str, ...]) -> float:
+        """Position of a joint that mimics one of this name: multiplier · its position + offset."""
         if name not in tree.joints or name in free or name in followers:
             which = f"{name!r}, which moves" if name in free else repr(name) if name else "no joint"
-            wrong[joint.name] = f"{at} mimics {which}"
-            lower, upper = tree.span(joint) or (-math.inf, math.inf)
-            remedies[joint.name] = min(max(xml.scalar(mimic, "offset", at, "0"), lower), upper)
+            wrong[joint.name] = f"{joint.at} mimics {which}"
+            lower, upper = joint.span or (-math.inf, math.inf)
+            remedies[joint.name] = min(max(joint.number("mimic", "offset"), lower), upper)
             if name in free[1:] and tree.joints[name] in tree.path(joint.parent):
                 ends.append(
                     f"; or end the arm before {name} by {suggestion('robot.tip', tree.joints[name].parent)}"
@@ -146,7 +141,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str
             return 0.0
         followed = tree.joints[name]
         here = 0.0 if followed.kind == "fixed" else stand(followed, followers)
-        return xml.scalar(mimic, "multiplier", at, "1") * here + xml.scalar(mimic, "offset", at, "0")
+        return joint.number("mimic", "multiplier", "1") * here + joint.number("mimic", "offset")
 
     for joint in tree.joints.values():
         if joint.kind != "fixed" and joint.name not in free:
@@ -175,12 +170,12 @@ def _check_locked(tree: Tree, name: str, value: float) -> None:
         at = f"({setting_name('robot.locked')})"
         raise RobotError(f"{tree.where} has no joint {name!r} to lock {at}{similar_names(name, movable)}")
     if joint.kind == "fixed":
-        raise RobotError(f"{tree.at(joint)} is fixed: leave it out of {setting_name('robot.locked')}")
-    lower, upper = tree.span(joint) or (0.0, 0.0)
+        raise RobotError(f"{joint.at} is fixed: leave it out of {setting_name('robot.locked')}")
+    lower, upper = joint.span or (0.0, 0.0)
     if lower < upper and not lower <= value <= upper:
         nearest = min(max(value, lower), upper)
         raise RobotError(
-            f"{tree.at(joint)} is locked at {value:g}, outside its range {lower:g} to {upper:g}; the "
+            f"{joint.at} is locked at {value:g}, outside its range {lower:g} to {upper:g}; the "
             f"nearest is {suggest_by_joint('locked', {name: nearest})}"
         )
 
@@ -198,10 +193,9 @@ def describe_fixed(
     free = {joint.name for joint in moving}
     for name, value in locked.items():
         joint = tree.joints[name]
-        unit = "m" if joint.kind == "prismatic" else "rad"
-        stand.append(f"{name} at {f'{value:.4g} {unit}' if joint.kind in MOVABLE else 'its origin'}")
-        if joint.mimic is not None and (leader := joint.mimic.get("joint")) in free:
-            notes.append(f"{name} mimics {leader}, which moves: {_STILL}")
+        stand.append(f"{name} at {f'{value:.4g} {joint.unit}' if joint.kind in MOVABLE else 'its origin'}")
+        if joint.leader in free:
+            notes.append(f"{name} mimics {joint.leader}, which moves: {_STILL}")
     lumped: dict[str, list[str]] = {}
     for link in tree.links:
         path = tree.path(link)

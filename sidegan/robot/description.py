@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.base.settings_text import setting_name
 from sidegan.errors import RobotError
@@ -18,7 +19,7 @@ from sidegan.robot import xml
 from sidegan.robot.arm import NO_INERTIA, FilePlane
 from sidegan.robot.chain import choose_chain, describe_fixed
 from sidegan.robot.drives import Drives
-from sidegan.robot.limits import JointLimits, limits_of
+from sidegan.robot.limits import limits_of
 from sidegan.robot.meshes import find_mesh, has_surface, metres_per_unit
 from sidegan.robot.placement import GRAVITY, hang, lock, mount_of, rotate_planes, unit_axis
 from sidegan.robot.setup import PLAIN, Mount, Setup
@@ -45,8 +46,8 @@ class Description:
     name: str  # the robot's name
     path: Path
     xml: str  # a URDF of the arm without visual shapes, with absolute mesh paths
-    limits: dict[str, JointLimits]  # by moving joint
-    moved: dict[str, str]  # child link by moving joint
+    moved: dict[str, str]  # child link by moving joint, from the base outwards
+    limits: dict[str, Array]  # of these joints, (J,), named as in `Arm`
     missing: dict[str, list[str]]  # missing or empty mesh files by link
     notes: list[str]  # for people, on what was decided for them
     passive: list[str]  # forces on moving joints that are left out
@@ -75,13 +76,13 @@ def read_description(
         root.remove(extra)
     moving, locked = choose_chain(tree, setup)
     for joint in moving:
-        unit_axis(joint, tree.at(joint))
+        unit_axis(joint)
     links = {link.get("name", ""): link for link in root.findall("link")}
     read = {link: _read_mass(element, f"{where}: link {link!r}") for link, element in links.items()}
     masses = {link: mass for link, (mass, _) in read.items()}
     notes = describe_fixed(tree, moving, locked, masses)
     for name, value in locked.items():
-        lock(tree.joints[name], value, tree.at(tree.joints[name]))
+        lock(tree.joints[name], value)
     moved = {joint.name: joint.child for joint in moving}
     wrong = [why for _, why in read.values() if why] or _massless(tree, links, moved, masses)
     postures = _group_states(path, robot) if source.postures is None else source.postures
@@ -123,7 +124,7 @@ def read_description(
         mount=mount,
         planes=rotate_planes(source.planes, mount),
         home=own_home,
-        drives=_described_drives(moving, where) if setup.friction else None,
+        drives=_described_drives(moving) if setup.friction else None,
         gravity=math.hypot(*(source.gravity or ())) or GRAVITY,
     )
 
@@ -249,11 +250,8 @@ def _group_states(urdf: Path, robot: str) -> dict[str, dict[str, float]]:
     return found
 
 
-def _described_drives(moving: Sequence[UrdfJoint], where: str) -> Drives | None:
+def _described_drives(moving: Sequence[UrdfJoint]) -> Drives | None:
     """Friction and rotor inertia of moving joints in a description; None if it states none."""
-    rows = []
-    for joint in moving:
-        at = f"{where}: joint {joint.name!r}"
-        rows.append([max(xml.scalar(joint.part("dynamics"), key, at, "0"), 0.0) for key in _DYNAMICS])
+    rows = [[max(joint.number("dynamics", key), 0.0) for key in _DYNAMICS] for joint in moving]
     columns = np.array(rows, dtype=float).T
     return Drives(*columns) if columns.any() else None

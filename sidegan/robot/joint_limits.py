@@ -30,7 +30,7 @@ def stated_limits(tree: Tree, given: Limits) -> tuple[dict[str, dict[str, Any]],
     found: dict[str, dict[str, Any]] = {}  # by kind, then joint
     for name, entry in limits.items():
         if name in tree.joints:
-            for kind, value in _applicable(entry, tree.span(tree.joints[name])).items():
+            for kind, value in _applicable(entry, tree.joints[name].span).items():
                 if kind == "position" and None in value:
                     raise RobotError(f"{setting} gives {name} one end of a range, and the description none")
                 found.setdefault(kind, {})[name] = value

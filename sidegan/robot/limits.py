@@ -3,10 +3,14 @@
 import logging
 import math
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import partial
 from itertools import product
 from typing import Any, TypeVar
 
+import numpy as np
+
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.base.settings_text import FILL_IN, setting_name, suggest_by_joint
 from sidegan.errors import RobotError
@@ -22,28 +26,17 @@ _EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # suggested ran
 _EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s for the others
 # Attributes of a joint's <limit>, with any prefix.
 _DERIVATIVES = {"acceleration": ("acceleration", "deceleration"), "jerk": ("jerk",)}
-_SIDES = {"position": ["lower", "upper"], "velocity": ["velocity"], "effort": ["effort"]}
 _Value = TypeVar("_Value")
 _Span = tuple[float, float]  # lower and upper limit [rad or m]
+# Limits by kind, then joint, as in `Limits`: a range of the position, else a number; infinite for none.
+_ByKind = dict[str, dict[str, Any]]
 _log = logging.getLogger(__name__)
-
-
-@dataclass
-class JointLimits:
-    """Limits of a moving joint [rad or m, and per s, N·m or N]; infinite if there are none."""
-
-    lower: float
-    upper: float
-    velocity: float
-    effort: float
-    acceleration: float
-    jerk: float
 
 
 def limits_of(
     tree: Tree, moving: tuple[UrdfJoint, ...], given: Limits, home: dict[str, float], planning: bool = True
-) -> tuple[dict[str, JointLimits], list[str]]:
-    """Limits of the moving joints, by name, and notes on what was assumed.
+) -> tuple[dict[str, Array], list[str]]:
+    """Limits of the moving joints, (J,), named as in `Arm`, and notes on what was assumed.
 
     They are also written into the tree's XML, since Pinocchio requires them. Continuous joints may turn by
     half a turn from home [rad]. Missing or impossible limits are refused together, with the settings that
@@ -51,24 +44,25 @@ def limits_of(
     """
     stated, notes = stated_limits(tree, given.of_joints(joint.name for joint in moving))
     _check_stated(tree, stated)
-    described = _Described(tree, home)
-    found = dict[str, JointLimits]()
+    described = _Described(home)
+    sources: dict[str, Callable[[UrdfJoint], Any]] = {
+        "position": described.position,
+        "velocity": described.velocity,
+        "effort": described.effort,
+        **{kind: partial(described.derivative, kind) for kind in DERIVATIVE_ORDER},
+    }
+    found: _ByKind = {kind: {} for kind in sources}
+    for joint in moving:
+        for kind, source in sources.items():
+            found[kind][joint.name] = stated[kind].get(joint.name) or source(joint)
+    doubts = _in_other_units(moving, found, stated)
     wider = list[str]()
     for joint in moving:
-        own = {kind: values[joint.name] for kind, values in stated.items() if joint.name in values}
-        lower, upper = own.get("position") or described.position(joint)
-        found[joint.name] = JointLimits(
-            lower,
-            upper,
-            velocity=own.get("velocity") or described.velocity(joint),
-            effort=own.get("effort") or described.effort(joint),
-            acceleration=own.get("acceleration") or described.derivative(joint, "acceleration"),
-            jerk=own.get("jerk") or described.derivative(joint, "jerk"),
-        )
-    doubts = _in_other_units(moving, found, stated)
-    for joint in moving:
-        wider += _wider(joint, found[joint.name])
-        _write(joint, found[joint.name])
+        lower, upper = found["position"][joint.name]
+        velocity, effort = found["velocity"][joint.name], found["effort"][joint.name]
+        attributes = {"lower": lower, "upper": upper, "velocity": velocity, "effort": effort}
+        wider += _wider(joint, attributes)
+        _write(joint, attributes)
     if described.useless:
         notes.append(f"soft limits that leave no range are ignored: {listed(described.useless)}")
     if described.narrowed:
@@ -94,24 +88,38 @@ def limits_of(
     if doubts:
         _log.warning("%s: %s so they are read", tree.where, doubts)
     for kind in DERIVATIVE_ORDER:
-        finite = [name for name, limits in found.items() if math.isfinite(getattr(limits, kind))]
+        finite = [name for name, limit in found[kind].items() if math.isfinite(limit)]
         if names := [name for name in finite if name not in stated[kind]]:
             other = suggest_by_joint(f"limits.{kind}", {names[0]: FILL_IN})
             notes.append(
                 f"{kind} limits of {listed(names)} come from the description; {other} overrides them"
             )
-    if planning and not any(math.isfinite(limits.effort) for limits in found.values()):
+    if planning and not any(map(math.isfinite, found["effort"].values())):
         _log.warning(
             "%s has no torque limits, so torques are unchecked; set them by %s",
             tree.where,
-            suggest_by_joint("limits.effort", dict.fromkeys(found, FILL_IN)),
+            suggest_by_joint("limits.effort", dict.fromkeys(found["effort"], FILL_IN)),
         )
     if wider and planning:
         _log.warning("%s: limits are wider than the description's: %s", tree.where, "; ".join(wider))
-    return found, notes + _assumed(found, moving, stated["position"])
+    return _arrays(found), notes + _assumed(found, moving, stated["position"])
 
 
-def _check_stated(tree: Tree, stated: dict[str, dict[str, Any]]) -> None:
+def _arrays(found: _ByKind) -> dict[str, Array]:
+    """Limits as arrays, (J,), named as in `Arm`; on acceleration and jerk only if there are any."""
+    columns = {kind: np.array([*values.values()], dtype=float) for kind, values in found.items()}
+    lower, upper = columns["position"].T.copy()
+    higher = {kind: columns[kind] for kind in DERIVATIVE_ORDER if np.isfinite(columns[kind]).any()}
+    return {
+        "position_lower": lower,
+        "position_upper": upper,
+        "velocity_limit": columns["velocity"],
+        "torque_limit": columns["effort"],
+        **{f"{kind}_limit": column for kind, column in higher.items()},
+    }
+
+
+def _check_stated(tree: Tree, stated: _ByKind) -> None:
     """Raise unless the user's limits, by kind and joint, are of joints that exist, in ranges."""
     for kind, values in stated.items():
         for name in values:
@@ -122,16 +130,14 @@ def _check_stated(tree: Tree, stated: dict[str, dict[str, Any]]) -> None:
                 )
     for name, (lower, upper) in stated["position"].items():
         if not lower < upper:
-            at = tree.at(tree.joints[name])
-            where = f"{at}: {setting_name('robot.limits.position')}"
+            where = f"{tree.joints[name].at}: {setting_name('robot.limits.position')}"
             raise RobotError(f"{where} is {lower:g} to {upper:g}, expected lower < upper")
 
 
 class _Described:
     """Limits of a description; for missing or impossible ones, the reasons and examples instead."""
 
-    def __init__(self, tree: Tree, home: dict[str, float]) -> None:
-        self.tree = tree
+    def __init__(self, home: dict[str, float]) -> None:
         self.home = home
         self.missing: list[str] = []
         self.examples: dict[str, dict[str, object]] = {}  # by kind and joint
@@ -143,7 +149,7 @@ class _Described:
         if joint.kind == "continuous":
             middle = self.home.get(joint.name, 0.0)
             return middle - math.pi, middle + math.pi
-        span = self.tree.span(joint)
+        span = joint.span
         if span is None:
             why = "no position limits, expected <limit lower upper>"
             return self._example("position", joint, _EXAMPLE[joint.kind], why)
@@ -156,7 +162,7 @@ class _Described:
 
     def velocity(self, joint: UrdfJoint) -> float:
         """Velocity limit [rad/s or m/s]."""
-        velocity = self._number(joint, "velocity")
+        velocity = joint.number("limit", "velocity")
         if velocity > 0:
             return velocity
         has = f"velocity limit {joint.part('limit').get('velocity')}, expected more than 0"
@@ -167,23 +173,21 @@ class _Described:
         if motor := joint.part("limit").get("not_read"):
             self._example("effort", joint, FILL_IN, f"a torque limit that is not read: {motor}")
             return math.inf
-        effort = self._number(joint, "effort")
+        effort = joint.number("limit", "effort")
         if effort >= 0:
             return effort or math.inf
         why = f"effort limit {effort:g}, expected more than 0 or none"
         return self._example("effort", joint, -effort, why)
 
-    def derivative(self, joint: UrdfJoint, kind: str) -> float:
+    def derivative(self, kind: str, joint: UrdfJoint) -> float:
         """Acceleration or jerk limit [rad or m, per s² or s³]; infinite if no positive one is stated."""
         keys = [key for key in joint.part("limit").attrib if key.rpartition(":")[2] in _DERIVATIVES[kind]]
-        values = [self._number(joint, key) for key in keys]
+        values = [joint.number("limit", key) for key in keys]
         return min((value for value in values if value > 0), default=math.inf)
 
     def _softened(self, joint: UrdfJoint, span: _Span) -> _Span:
         """A range narrowed by a joint's soft limits, if it has any; a missing end is 0."""
-        safety = joint.part("safety_controller")
-        at = self.tree.at(joint)
-        soft = [xml.scalar(safety, f"soft_{end}_limit", at, "0") for end in ("lower", "upper")]
+        soft = [joint.number("safety_controller", f"soft_{end}_limit") for end in ("lower", "upper")]
         lower = max(span[0], soft[0])
         upper = min(span[1], soft[1])
         if not any(soft) or (lower, upper) == span:
@@ -191,33 +195,26 @@ class _Described:
         if lower >= upper:
             self.useless.append(joint.name)
             return span
-        unit = "m" if joint.kind == "prismatic" else "rad"
-        self.narrowed[joint.name] = span, f"{joint.name} {lower:.4g} to {upper:.4g} {unit}"
+        self.narrowed[joint.name] = span, f"{joint.name} {lower:.4g} to {upper:.4g} {joint.unit}"
         return lower, upper
 
-    def _number(self, joint: UrdfJoint, key: str) -> float:
-        """A number of a joint's <limit>; 0 if it is missing."""
-        return xml.scalar(joint.part("limit"), key, self.tree.at(joint), "0")
-
     def _example(self, kind: str, joint: UrdfJoint, value: _Value, has: str) -> _Value:
-        self.missing.append(f"{self.tree.at(joint)} has {has}")
+        self.missing.append(f"{joint.at} has {has}")
         self.examples.setdefault(kind, {})[joint.name] = value
         return value
 
 
-def _in_other_units(
-    moving: tuple[UrdfJoint, ...], found: dict[str, JointLimits], stated: dict[str, dict[str, Any]]
-) -> str:
+def _in_other_units(moving: tuple[UrdfJoint, ...], found: _ByKind, stated: _ByKind) -> str:
     """Questions on limits that no arm has, with settings that state them; converts the limits.
 
     All limits of a kind are in the other unit if half of them must be.
     """
     said = []
-    for kind, slides in product(_SIDES, (False, True)):
+    for kind, slides in product(LIMITS, (False, True)):
         largest, other, factor = LIMITS[kind][slides]
         given = stated[kind]
-        joints = [x for x in moving if (x.kind == "prismatic") == slides and _described(x, kind, given)]
-        own = {x: [getattr(found[x.name], side) for side in _SIDES[kind]] for x in joints}
+        joints = [x for x in moving if x.slides == slides and _described(x, kind, given)]
+        own = {x: np.atleast_1d(found[kind][x.name]).tolist() for x in joints}
         size = {x: max(map(abs, limits)) for x, limits in own.items()}
         beyond = [x for x in joints if largest < size[x] < math.inf]
         wrong = [x.name for x in beyond if x.name in given or not made_up(size[x], largest)]
@@ -229,9 +226,7 @@ def _in_other_units(
         values = dict[str, Any]()
         for x in (x for x in joints if least < size[x] < math.inf):
             value = [limit / x.reduction if geared else factor * limit for limit in own[x]]
-            for side, limit in zip(_SIDES[kind], value):
-                setattr(found[x.name], side, limit)
-            likely = value if len(value) > 1 else value[0]
+            found[kind][x.name] = likely = value if len(value) > 1 else value[0]
             values[x.name] = likely if max(map(abs, value)) <= largest else FILL_IN
         right = suggest_by_joint(f"limits.{kind}", values, given)
         said.append(
@@ -249,47 +244,44 @@ def _described(joint: UrdfJoint, kind: str, given: dict[str, Any]) -> bool:
     return joint.name not in given
 
 
-def _wider(joint: UrdfJoint, limits: JointLimits) -> list[str]:
-    """Limits wider than the description's, in words with both numbers."""
-    length, force = ("m", "N") if joint.kind == "prismatic" else ("rad", "N·m")
-    units = {"velocity": f"{length}/s", "effort": force, "lower": length, "upper": length}
+def _wider(joint: UrdfJoint, limits: dict[str, float]) -> list[str]:
+    """Limits wider than the description's, which have its attributes' names, in words with both numbers."""
+    force = "N" if joint.slides else "N·m"
+    units = {"velocity": f"{joint.unit}/s", "effort": force, "lower": joint.unit, "upper": joint.unit}
     described = {kind: xml.number_or_zero(joint.part("limit").get(kind)) for kind in units}
     ranged = joint.kind != "continuous" and described["lower"] < described["upper"]
     wider = []
     for kind, unit in units.items():
-        value, own = getattr(limits, kind), described[kind]
+        value, own = limits[kind], described[kind]
         stated = ranged if kind in ("lower", "upper") else own  # an end of a range may be 0
         if stated and (own - value if kind == "lower" else value - own) > WIDER_BY * abs(own):
             wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider
 
 
-def _assumed(
-    found: dict[str, JointLimits], moving: tuple[UrdfJoint, ...], stated: dict[str, _Span]
-) -> list[str]:
+def _assumed(found: _ByKind, moving: tuple[UrdfJoint, ...], stated: dict[str, _Span]) -> list[str]:
     """Notes on assumed ranges and unlimited torques."""
     notes = []
     endless = [joint.name for joint in moving if joint.kind == "continuous" and joint.name not in stated]
     if endless:
-        spans = {name: (found[name].lower, found[name].upper) for name in endless}
+        spans = {name: found["position"][name] for name in endless}
         wider = {name: [low - math.pi, up + math.pi] for name, (low, up) in spans.items()}
         remedy = suggest_by_joint("limits.position", wider)
         ranges = listed([f"{name} {low:.4g} to {up:.4g}" for name, (low, up) in spans.items()])
         notes.append(f"continuous joints may turn half a turn from home: {ranges} rad (for more: {remedy})")
-    free = [joint.name for joint in moving if not math.isfinite(found[joint.name].effort)]
+    free = [name for name, effort in found["effort"].items() if not math.isfinite(effort)]
     if free and len(free) < len(moving):
         notes.append(f"no torque limit for {listed(free)}")
     return notes
 
 
-def _write(joint: UrdfJoint, limits: JointLimits) -> None:
-    """Write limits into a joint's XML, where Pinocchio's parser requires them."""
+def _write(joint: UrdfJoint, limits: dict[str, float]) -> None:
+    """Write limits into a joint's XML, by their attributes' names, where Pinocchio's parser requires them."""
     element = joint.element
     limit = element.find("limit")
     if limit is None:
         limit = ET.SubElement(element, "limit")
     if joint.kind == "continuous":
         element.set("type", "revolute")
-    for key in ("lower", "upper", "velocity", "effort"):
-        value = getattr(limits, key)
+    for key, value in limits.items():
         limit.set(key, repr(value if math.isfinite(value) else 0.0))

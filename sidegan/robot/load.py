@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.base.settings_text import suggest_touching, suggestion
 from sidegan.errors import RobotError
@@ -23,14 +22,6 @@ from sidegan.robot.shapes import VERSION, capsules_of
 from sidegan.robot.thresholds import LONGEST_ARM
 
 _MODELS = Path(__file__).parent / "models"
-_LIMITS = {
-    "lower": "position_lower",
-    "upper": "position_upper",
-    "velocity": "velocity_limit",
-    "effort": "torque_limit",
-    "acceleration": "acceleration_limit",
-    "jerk": "jerk_limit",
-}
 _log = logging.getLogger(__name__)
 
 
@@ -75,8 +66,7 @@ def load_robot(
     length = float(np.linalg.norm([*chain["translation"][1:], chain["tip"]], axis=1).sum())
     if length > LONGEST_ARM:
         raise RobotError(f"{path}: the links are {length:.4g} m long together: are these millimetres?")
-    names = tuple(model.names)[1:]
-    numbers = chain | _limits(description, names)
+    numbers = chain | description.limits
     drives = description.drives
     stated = {} if drives is None else vars(drives)
     shapes, refused = collision_shapes(model, description, length_of(numbers))
@@ -84,16 +74,16 @@ def load_robot(
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
     if setup.may_touch:  # which changes what trajectories are valid
         stamped += sorted({" ".join(sorted(pair)) for *pair, _ in description.may_touch})
-    stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
+    stamped += [] if capsules.exact.all() else [f"shapes {VERSION}"]
     _warn(description, refused, setup)
     return Arm(
         name=description.name,
         digest=digest_of(numbers | stated, capsules, stamped),
-        joint_names=names,
-        link_names=tuple(description.moved[name] for name in names),
+        joint_names=tuple(description.moved),
+        link_names=tuple(description.moved.values()),
         capsules=capsules,
         urdf=path,
-        setup=replace(setup, limits=setup.limits.of_joints(names)),
+        setup=replace(setup, limits=setup.limits.of_joints(description.moved)),
         notes=tuple(description.notes),
         parents=description.parents,
         may_touch=description.may_touch,
@@ -103,16 +93,6 @@ def load_robot(
         home=description.home,
         **numbers,
     )
-
-
-def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Array]:
-    """Limits of all joints, (J,), named as in `Arm`; on acceleration and jerk only if there are any."""
-    limits = {}
-    for kind, name in _LIMITS.items():
-        column = np.array([getattr(description.limits[joint], kind) for joint in names], dtype=float)
-        if kind not in ("acceleration", "jerk") or np.isfinite(column).any():
-            limits[name] = column
-    return limits
 
 
 def _warn(description: Description, refused: Mapping[tuple[str, str], float], setup: Setup) -> None:

@@ -14,7 +14,7 @@ from sidegan.robot import xml
 from sidegan.robot.arm import Arm, FilePlane
 from sidegan.robot.setup import Mount
 from sidegan.robot.thresholds import UPRIGHT
-from sidegan.robot.tree import TURNING, UrdfJoint
+from sidegan.robot.tree import MOVABLE, UrdfJoint
 from sidegan.robot.units import meant_in_degrees
 
 GRAVITY = 9.81  # [m/s²]
@@ -24,25 +24,25 @@ _STRAIGHT = 0.05  # [rad] within which a direction is taken for an axis
 _ROUNDING = 1e-9
 
 
-def unit_axis(joint: UrdfJoint, at: str) -> Array:
+def unit_axis(joint: UrdfJoint) -> Array:
     """Unit vector along a joint's axis, (3,)."""
     stated = joint.element.find("axis")
-    axis = (1.0, 0.0, 0.0) if stated is None else xml.vector(stated, "xyz", at)
+    axis = (1.0, 0.0, 0.0) if stated is None else xml.vector(stated, "xyz", joint.at)
     length = math.hypot(*axis)
     if not _AXIS[0] <= length <= _AXIS[1]:
         words = " ".join(f"{x:g}" for x in axis)
-        raise RobotError(f"{at} has the axis {words}, expected a direction, of about unit length")
+        raise RobotError(f"{joint.at} has the axis {words}, expected a direction, of about unit length")
     return np.array(axis) / length
 
 
-def lock(joint: UrdfJoint, value: float, at: str) -> None:
+def lock(joint: UrdfJoint, value: float) -> None:
     """Make a joint fixed at a position [rad or m], or at its origin if it is planar or floating."""
     element = joint.element
-    if value and joint.kind in (*TURNING, "prismatic"):
-        axis = unit_axis(joint, at)
-        xyz, rpy = xml.origin(element, at)
+    if value and joint.kind in MOVABLE:
+        axis = unit_axis(joint)
+        xyz, rpy = xml.origin(element, joint.at)
         place, turn = np.array(xyz), from_rpy(rpy)
-        if joint.kind == "prismatic":
+        if joint.slides:
             place = place + turn @ axis * value
         else:
             turn = turn @ pin.exp3(value * axis)

@@ -11,7 +11,7 @@ import pinocchio as pin
 import scipy  # submodules load lazily
 
 from sidegan.base.progress import bar
-from sidegan.robot.arm import Capsules, Pieces, rounded
+from sidegan.robot.arm import Capsules, rounded
 from sidegan.robot.covering import ConvexPart, cover_of
 from sidegan.robot.fitting import Points, around, ends_along, hull_volume, inflated
 
@@ -60,24 +60,19 @@ def link_shapes(
 def capsules_of(shapes: Sequence[Shape]) -> Capsules:
     """All shapes as arrays."""
     ends = np.array([shape.part.capsule[0] for shape in shapes], dtype=np.float64).reshape(-1, 2, 3)
-    pieces = None
-    if not all(shape.exact for shape in shapes):
-        corners = [shape.part.corners for shape in shapes]
-        pieces = Pieces(
-            corners=np.concatenate(corners),
-            start=np.cumsum([0, *map(len, corners)]),
-            radius=np.array([shape.part.rounding for shape in shapes]),
-            exact=np.array([shape.exact for shape in shapes]),
-            fitted=np.array([bool(shape.digest) for shape in shapes]),
-            core=np.array([_core(shape) for shape in shapes]),
-        )
+    corners = [shape.part.corners for shape in shapes]
     return Capsules(
         link=np.array([shape.link for shape in shapes], dtype=int),
         a=ends[:, 0].copy(),
         b=ends[:, 1].copy(),
         radius=np.array([shape.part.capsule[1] for shape in shapes]),
         owners=tuple(shape.owner for shape in shapes),
-        pieces=pieces,
+        corners=np.concatenate([np.zeros((0, 3)), *corners]),
+        start=np.cumsum([0, *map(len, corners)]),
+        rounding=np.array([shape.part.rounding for shape in shapes]),
+        core=np.array([_core(shape) for shape in shapes]),
+        exact=np.array([shape.exact for shape in shapes], dtype=bool),
+        fitted=np.array([bool(shape.digest) for shape in shapes], dtype=bool),
     )
 
 

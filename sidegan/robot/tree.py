@@ -32,17 +32,40 @@ class UrdfJoint:
     parent: str  # link
     child: str  # link
     element: ET.Element
+    at: str  # location, for messages
     reduction: float = 1.0  # of the gear, if a transmission states it
 
     @property
-    def mimic(self) -> ET.Element | None:
-        """The joint's mimic element, if it has one."""
-        return self.element.find("mimic")
+    def slides(self) -> bool:
+        """Whether it is prismatic."""
+        return self.kind == "prismatic"
+
+    @property
+    def unit(self) -> str:
+        """Unit of its position."""
+        return "m" if self.slides else "rad"
+
+    @property
+    def leader(self) -> str | None:
+        """The joint that it mimics, if it mimics one; empty if that has no name."""
+        mimic = self.element.find("mimic")
+        return None if mimic is None else mimic.get("joint", "")
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """Its stated range [rad or m], with 0 for a missing end; None if it has none."""
+        if self.kind == "continuous" or not {"lower", "upper"} & set(self.part("limit").attrib):
+            return None
+        return self.number("limit", "lower"), self.number("limit", "upper")
 
     def part(self, tag: str) -> ET.Element:
         """A child element, such as the limit; an empty element if there is none."""
         found = self.element.find(tag)
         return ET.Element(tag) if found is None else found
+
+    def number(self, tag: str, key: str, default: str = "0") -> float:
+        """A finite number of a child element; the default if that or its attribute is missing."""
+        return xml.scalar(self.part(tag), key, self.at, default)
 
 
 @dataclass(frozen=True)
@@ -106,18 +129,6 @@ class Tree:
                 found.add((link, before[-1]))
         return frozenset(found)
 
-    def at(self, joint: UrdfJoint) -> str:
-        """Location of a joint, for messages."""
-        return f"{self.where}: joint {joint.name!r}"
-
-    def span(self, joint: UrdfJoint) -> tuple[float, float] | None:
-        """A joint's stated range [rad or m], with 0 for a missing end; None if it has none."""
-        limit = joint.part("limit")
-        if joint.kind == "continuous" or not {"lower", "upper"} & set(limit.attrib):
-            return None
-        lower, upper = (xml.scalar(limit, key, self.at(joint), "0") for key in ("lower", "upper"))
-        return lower, upper
-
     def require_link(self, name: str, setting: str = "") -> None:
         """Raise unless there is a link with this name."""
         if name not in self.links:
@@ -146,13 +157,14 @@ def read_tree(root: ET.Element, where: str) -> Tree:
     children: set[str] = set()
     gears = reductions_of(root)
     for element, name in zip(root.findall("joint"), names["joint"]):
-        at = f"{where}: joint {name!r}"
-        joint = joints[name] = _joint(element, name, at, gears.get(name, 1.0))
+        joint = joints[name] = _joint(element, name, f"{where}: joint {name!r}", gears.get(name, 1.0))
         for link in (joint.parent, joint.child):
             if link not in names["link"]:
-                raise RobotError(f"{at} refers to link {link!r}, which does not exist")
+                raise RobotError(f"{joint.at} refers to link {link!r}, which does not exist")
         if joint.child in children:
-            raise RobotError(f"{at} is a second joint with child link {joint.child!r}; expected no loops")
+            raise RobotError(
+                f"{joint.at} is a second joint with child link {joint.child!r}; expected no loops"
+            )
         children.add(joint.child)
     bases = [link for link in names["link"] if link not in children]
     if not names["link"]:
@@ -178,4 +190,4 @@ def _joint(element: ET.Element, name: str, at: str, reduction: float) -> UrdfJoi
     if kind not in (*MOVABLE, *REFUSED, "fixed"):
         raise RobotError(f"{at} is of type {kind!r}, expected revolute, prismatic, continuous or fixed")
     xml.origin(element, at)
-    return UrdfJoint(name, kind, parent, child, element, reduction)
+    return UrdfJoint(name, kind, parent, child, element, at, reduction)

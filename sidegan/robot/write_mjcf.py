@@ -149,11 +149,9 @@ def _draw(arm: Arm, root: ET.Element) -> None:
 def _shape(arm: Arm, k: int, assets: ET.Element) -> dict[str, str]:
     """Attributes of the geom of a capsule, or of the hull inside, which is added to the assets."""
     capsules = arm.capsules
-    pieces = arm.capsules.pieces
     a, b, radius = capsules.a[k], capsules.b[k], capsules.radius[k]
-    if pieces is not None and not pieces.exact[k]:
-        hull = pieces.corners[pieces.start[k] : pieces.start[k + 1]]
-        points = inflated(hull, float(pieces.radius[k]))
+    if not capsules.exact[k]:
+        points = inflated(capsules.hulls[k], float(capsules.rounding[k]))
         if hull_of(points) is not None:
             ET.SubElement(assets, "mesh", name=f"piece {k}", vertex=words(corners(points).ravel()))
             return {"type": "mesh", "mesh": f"piece {k}"}

@@ -65,12 +65,8 @@ def thicker(arm: Arm, clearance: float) -> Arm:
     """The arm with its shapes inflated by half a clearance [m]; the arm itself for zero."""
     if not clearance:
         return arm
-    half = clearance / 2
-    capsules = arm.capsules
-    pieces = capsules.pieces
-    if pieces is not None:
-        pieces = replace(pieces, radius=pieces.radius + half, core=pieces.core + half)
-    return replace(arm, capsules=replace(capsules, radius=capsules.radius + half, pieces=pieces))
+    radii = {name: getattr(arm.capsules, name) + clearance / 2 for name in ("radius", "rounding", "core")}
+    return replace(arm, capsules=replace(arm.capsules, **radii))
 
 
 def reaches(arm: Arm, pairs: Array, guarded: Array) -> tuple[Array, Array, Array]:
@@ -79,10 +75,9 @@ def reaches(arm: Arm, pairs: Array, guarded: Array) -> tuple[Array, Array, Array
     Of pairs of capsules (P, 2), and of the pieces inside them, (P, J) each; and of regions and capsules
     (K, 2), (K, J). For two capsules only the joints between their links count; these move the outer one.
     """
-    link, pieces = arm.capsules.link, arm.capsules.pieces
-    reach = inner = _reach(arm, [*np.stack([arm.capsules.a, arm.capsules.b], 1)])
-    if pieces is not None:
-        inner = _reach(arm, np.split(pieces.corners, pieces.start[1:-1]))
+    link = arm.capsules.link
+    reach = _reach(arm, [*np.stack([arm.capsules.a, arm.capsules.b], 1)])
+    inner = _reach(arm, arm.capsules.hulls)
     first, second = link[pairs].T
     outer = np.where(first > second, pairs[:, 0], pairs[:, 1])
     joints = np.arange(arm.joints)
@@ -124,15 +119,11 @@ def _from_axis(arm: Arm, joint: int, points: Array) -> Array:
 
 def bodies_of(arm: Arm, shapes: Shapes) -> Bodies:
     """An arm's capsules, pairs and regions with the pieces inside the capsules, for compiled kernels."""
-    capsules, pieces = arm.capsules, arm.capsules.pieces
-    if pieces is None:
-        none, starts = np.zeros_like(capsules.radius), np.zeros(len(capsules.radius) + 1, int)
-        hulls = Hulls(np.zeros((0, 3)), starts, none, none, np.zeros(len(shapes.pairs), bool))
-    else:
-        each = zip(capsules.a, capsules.b, np.split(pieces.corners, pieces.start[1:-1]))
-        around = np.array([from_segment(np.stack([a, b]), corners).max() for a, b, corners in each])
-        finer = ~np.all(pieces.exact[shapes.pairs], 1)
-        hulls = Hulls(*map(array, (pieces.corners, pieces.start, pieces.radius, around, finer)))
+    capsules = arm.capsules
+    each = zip(capsules.a, capsules.b, capsules.hulls)
+    around = np.array([from_segment(np.stack([a, b]), corners).max() for a, b, corners in each])
+    finer = ~np.all(capsules.exact[shapes.pairs], 1)
+    hulls = Hulls(*map(array, (capsules.corners, capsules.start, capsules.rounding, around, finer)))
     return Bodies(chain_of(arm), shapes, hulls)
 
 
@@ -155,12 +146,12 @@ def never_touching(arm: Arm, pairs: Array) -> Array:
     """Whether pairs of capsules, (P, 2), provably never touch within the joint limits, (P,) bool.
 
     Branch and bound over boxes of joint positions, with the same motion bounds as the check of
-    trajectories. Only for arms with pieces; pairs for which the proof takes too long may touch.
+    trajectories. Not for arms of exact capsules alone; pairs for which the proof takes too long may touch.
     """
     from sidegan.kernels import bodies as kernel
 
     found = np.zeros(len(pairs), bool)
-    if not len(pairs) or arm.capsules.pieces is None:
+    if not len(pairs) or arm.capsules.exact.all():
         return found
     bodies = bodies_of(arm, shapes_alone(arm, pairs))
     reach = array(reaches(arm, pairs, pairs[:0])[1])

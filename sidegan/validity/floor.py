@@ -63,25 +63,19 @@ def with_points(arm: Arm) -> Arm:
 
 def _added(shapes: Capsules, link: Array, places: Array, owners: list[str]) -> Capsules:
     """Capsules, and points on links (N,) at places (N, 3) [m]."""
-    none, pieces = np.zeros(len(link)), shapes.pieces
-    if pieces is not None:
-        pieces = replace(
-            pieces,
-            corners=np.concatenate([pieces.corners, places]),
-            start=np.append(pieces.start, pieces.start[-1] + 1 + np.arange(len(link))),
-            radius=np.append(pieces.radius, none),
-            exact=np.append(pieces.exact, none == 0),
-            fitted=np.append(pieces.fitted, none > 0),
-            core=np.append(pieces.core, none),
-        )
-    return replace(
-        shapes,
+    none = np.zeros(len(link))
+    return Capsules(
         link=np.append(shapes.link, link),
         a=np.concatenate([shapes.a, places]),
         b=np.concatenate([shapes.b, places]),
         radius=np.append(shapes.radius, none),
         owners=(*shapes.owners, *owners),
-        pieces=pieces,
+        corners=np.concatenate([shapes.corners, places]),
+        start=np.append(shapes.start, shapes.start[-1] + 1 + np.arange(len(link))),
+        rounding=np.append(shapes.rounding, none),
+        core=np.append(shapes.core, none),
+        exact=np.append(shapes.exact, none == 0),
+        fitted=np.append(shapes.fitted, none > 0),
         points=len(link),
     )
 

@@ -58,8 +58,8 @@ def slow(arm, velocity=0.8, torque=1.0):
 def full(arm):
     """An arm with something inside of its capsules, which are much too large."""
     capsules = filled(arm, 3).capsules
-    pieces = replace(capsules.pieces, exact=np.zeros_like(capsules.pieces.exact))
-    return replace(arm, capsules=replace(capsules, radius=1.4 * capsules.radius, pieces=pieces))
+    large = replace(capsules, radius=1.4 * capsules.radius, exact=np.zeros_like(capsules.exact))
+    return replace(arm, capsules=large)
 
 
 def _lwr(period=16.0, home=HOME):

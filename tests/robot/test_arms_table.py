@@ -131,7 +131,7 @@ def test_every_description_loads_once_the_suggested_settings_are_given():
                 read_description(path)
         else:
             description, _ = remedied(lambda words, path=path: read(path, words))
-            assert len(description.limits) == HANDS.get(name, len(description.limits))
+            assert len(description.moved) == HANDS.get(name, len(description.moved))
             assert description.missing == {} or name not in HANDS
 
 

@@ -169,9 +169,8 @@ def arm_file(tmp_path, monkeypatch):
 
 def assert_same_shapes(arm, other):
     assert arm.digest == other.digest
-    for name in ("a", "b", "radius", "core"):
+    for name in ("a", "b", "radius", "core", "corners"):
         assert np.array_equal(getattr(arm.capsules, name), getattr(other.capsules, name))
-    assert np.array_equal(arm.capsules.pieces.corners, other.capsules.pieces.corners)
 
 
 def test_shapes_are_cached_and_a_damaged_cache_is_rebuilt(arm_file, monkeypatch):
@@ -232,8 +231,7 @@ def test_a_ball_in_a_ring_is_free_or_too_coarse_shapes_are_reported(load, tmp_pa
     assert ("leave them unchecked by may_touch=[['ball', 'ring']]" in caplog.text) == refused
     if not refused:
         assert shape_accuracy(Constraints(arm), Judge(arm.urdf, arm.joint_names, Facts()), 200) == (0, 0)
-    pieces, rows = arm.capsules.pieces, [k for k, owner in enumerate(arm.capsules.owners) if owner == "ring"]
-    hulls = np.split(pieces.corners, pieces.start[1:-1])
+    rows = [k for k, owner in enumerate(arm.capsules.owners) if owner == "ring"]
     points = trimesh.load(tmp_path / "ring.stl").triangles_center[::4]  # covered, although divided
-    outside = [from_hull(points, hulls[k]) - pieces.radius[k] for k in rows]
+    outside = [from_hull(points, arm.capsules.hulls[k]) - arm.capsules.rounding[k] for k in rows]
     assert np.min(outside, axis=0).max() <= 1e-8 and 20 < len(rows) <= 48

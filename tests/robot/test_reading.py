@@ -163,8 +163,8 @@ def test_mesh_files_are_scaled_by_the_unit_that_they_state(load, tmp_path, unit,
     file.write_text(box(unit))
     scale = " ".join([str(0.001 / metres)] * 3)
     arm = load(arm_of({1: inertial() + mesh(file.name, 'xyz="0 0 0.15"', scale)}))
-    rows, pieces = [k for k, owner in enumerate(arm.capsules.owners) if owner == "link1"], arm.capsules.pieces
-    corners = np.concatenate([pieces.corners[pieces.start[k] : pieces.start[k + 1]] for k in rows])
+    hulls = zip(arm.capsules.owners, arm.capsules.hulls)
+    corners = np.concatenate([hull for owner, hull in hulls if owner == "link1"])
     np.testing.assert_allclose(np.ptp(corners, axis=0), [0.2, 0.1, 0.05], atol=1e-3)
     if unit == MILLIMETRES:  # and those of obstacles, if nothing else is said of them
         for said, factor in (("", 1.0), (", scale: 0.01", 10.0)):
@@ -351,9 +351,9 @@ def test_a_urdf_exported_from_an_mjcf_is_complete(load, tmp_path):
 
 def reach(arm):
     """How far what stands for link 1 reaches in many directions [m], (72,)."""
-    pieces, rows = arm.capsules.pieces, [k for k, owner in enumerate(arm.capsules.owners) if owner == "link1"]
-    each = [pieces.corners[pieces.start[k] : pieces.start[k + 1]] @ DIRECTIONS.T for k in rows]
-    return np.max([heights.max(0) + float(pieces.radius[k]) for k, heights in zip(rows, each)], axis=0)
+    pieces = zip(arm.capsules.owners, arm.capsules.hulls, arm.capsules.rounding.tolist())
+    each = [(hull @ DIRECTIONS.T).max(0) + rounding for owner, hull, rounding in pieces if owner == "link1"]
+    return np.max(each, axis=0)
 
 
 def test_an_exported_mjcf_collides_like_the_original(load, tmp_path):
@@ -370,7 +370,7 @@ def test_an_exported_mjcf_collides_like_the_original(load, tmp_path):
     before, after = (Constraints(x) for x in (arm, again))
     assert set(before.owners) == set(after.owners) and len(after.of_links.named) == 1
     assert (reach(again) >= reach(arm) - 1e-6).all()  # single precision
-    assert arm.capsules.pieces.radius.max() > 1e-4
+    assert arm.capsules.rounding.max() > 1e-4
     q = np.random.default_rng(0).random((400, 4)).astype(float) * 5 - 2.5
     ours, exported = (x.at_rest(q)["collision"].min(1) < 0 for x in (before, after))
     assert ours.any() and not ours.all()

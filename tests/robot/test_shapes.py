@@ -41,8 +41,7 @@ def test_spheres_and_capsules_are_exact(load, words, ends, radius):
 
 def test_boxes_and_cylinders_keep_their_shape_inside_their_capsules(load):
     arm = load(one_joint(collision=BOX + collision(ROD) + ball(0.2)))
-    pieces = arm.capsules.pieces
-    box, cylinder, sphere = np.split(pieces.corners, pieces.start[1:-1])
+    box, cylinder, sphere = arm.capsules.hulls
     expected = CORNERS + np.array([1, 0, 0])
     rim = np.array([[0.1, 0, 0.3], [0, 0.1, 0.3], [0.1, 0, -0.3], [-0.1, 0, -0.3]])
     assert beyond(expected, arm) <= 1e-12 and beyond(rim, arm) <= 1e-12
@@ -50,8 +49,9 @@ def test_boxes_and_cylinders_keep_their_shape_inside_their_capsules(load):
     np.testing.assert_allclose(np.unique(box, axis=0), np.unique(expected, axis=0))
     assert np.abs(cylinder[:, 2]).tolist() == pytest.approx([0.3] * len(cylinder))
     assert 0.1 < np.linalg.norm(cylinder[:, :2], axis=1).max() < 0.1002  # a prism around it
-    assert pieces.exact.tolist() == [False, False, True] and pieces.radius.tolist() == [0, 0, 0.2]
-    assert sphere.tolist() == [[0, 0, 0]] * 2 and not pieces.fitted.any()
+    assert arm.capsules.exact.tolist() == [False, False, True]
+    assert arm.capsules.rounding.tolist() == [0, 0, 0.2] and not arm.capsules.fitted.any()
+    assert sphere.tolist() == [[0, 0, 0]] * 2
     assert load(one_joint()).capsules.a.shape == (0, 3)
 
 

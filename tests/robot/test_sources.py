@@ -116,15 +116,14 @@ class TestMjcf:
         mujoco.mj_kinematics(model, data)
         ends, links = (arm.capsules.a, arm.capsules.b), arm.capsules.link
         a, b = (place_points(arm, q[:, None], x, links)[:, :, 0].T for x in ends)
-        pieces, radius = arm.capsules.pieces, arm.capsules.radius.tolist()
-        fitted = pieces.fitted
+        hulls, radius, fitted = arm.capsules.hulls, arm.capsules.radius.tolist(), arm.capsules.fitted
         assert (~fitted).sum() == 1
         box, bare = [g for g in range(model.ngeom) if model.geom_dataid[g] >= 0]
         for geom, owner in ((box, "a"), (bare, "b")):  # of bare there is no file: its hull is made one
             rows = [k for k in np.flatnonzero(fitted) if arm.capsules.owners[k] == owner]
             seen = [outside(vertices(model, data, geom), a[k], b[k], radius[k]) for k in rows]
             assert np.min(seen, axis=0).max() <= 1e-6  # the vertices are single precision
-            corners = np.concatenate([pieces.corners[pieces.start[k] : pieces.start[k + 1]] for k in rows])
+            corners = np.concatenate([hulls[k] for k in rows])
             assert_same_extent(arm, q, corners, int(arm.capsules.link[rows[0]]), model, data, geom)
 
     def test_an_inline_mesh_keeps_its_dent(self, mjcf):

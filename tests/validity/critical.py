@@ -9,8 +9,8 @@ from sidegan.base.arrays import Array, split
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules
-from sidegan.robot.arm import Pieces
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
+from tests.chains import exact_capsules
 
 HIGHEST = {"acceleration": 8.0, "jerk": 60.0}  # [rad/s², rad/s³]
 DESK, BOX = Plane((0.0, 0.0, 1.0), 0.1), Box((-0.7, -0.7, -0.2), (0.7, 0.6, 0.12))
@@ -45,22 +45,21 @@ def filled(arm: Arm, seed: int) -> Arm:
         beside = random.normal(size=(20, 3))
         beside *= radius * random.uniform(0.2, 1.0, (20, 1)) / np.linalg.norm(beside, axis=1, keepdims=True)
         corners.append(np.stack([a, b]) if exact[k] else a + random.random((20, 1)) * (b - a) + beside)
-    pieces = Pieces(
+    pieces = replace(
+        capsules,
         corners=np.concatenate(corners),
         start=np.array([0, *np.cumsum([*map(len, corners)])]),
-        radius=np.where(exact, capsules.radius, 0.0),
-        exact=exact,
-        fitted=np.zeros(len(corners), bool),
+        rounding=np.where(exact, capsules.radius, 0.0),
         core=0.8 * capsules.radius,
+        exact=exact,
     )
-    return replace(arm, capsules=replace(capsules, pieces=pieces))
+    return replace(arm, capsules=pieces)
 
 
 def only(capsules: Capsules, which: Array) -> Capsules:
     owners = tuple(capsules.owners[k] for k in which.tolist())
-    return Capsules(
-        capsules.link[which], capsules.a[which], capsules.b[which], capsules.radius[which], owners
-    )
+    arrays = (x[which] for x in (capsules.link, capsules.a, capsules.b, capsules.radius))
+    return exact_capsules(*arrays, owners)
 
 
 def holding(planar: Arm, share: float) -> Arm:

@@ -15,11 +15,11 @@ from sidegan.errors import ShapeError
 from sidegan.kernels import gjk as kernel
 from sidegan.motion.arrays import chain_of, kernel_shapes
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm, Capsules, load_robot
+from sidegan.robot import Arm, load_robot
 from sidegan.validity import Box, Constraints, Convex, Obstacle, Plane, Sphere, check
 from sidegan.validity.capsules import capsule_clearances
 from sidegan.validity.regions import tables
-from tests.chains import lenient, random_states
+from tests.chains import exact_capsules, lenient, random_states
 from tests.motion.conftest import normal
 from tests.oracle import capsule_geometry, chain_model
 from tests.refusals import refused
@@ -30,7 +30,7 @@ from .critical import BLOCK, filled, moderate
 def clearances(a: Array, b: Array, pairs: Array, guarded: Array, *regions: Obstacle) -> list[Array]:
     """Distances [m] of segments with end points (3, N): of pairs, (P,), and from regions, (K,)."""
     none = np.zeros(a.shape[1])
-    capsules = Capsules(none.astype(int) - 1, a.T, b.T, none, ("",) * len(none))  # on the base
+    capsules = exact_capsules(none.astype(int) - 1, a.T, b.T, none, ("",) * len(none))  # on the base
     shapes = kernel_shapes(capsules, pairs, guarded, tables(regions))
     found = capsule_clearances(chain_of(load_robot("planar2")), shapes, np.zeros((1, 2)))
     return [distance[0] for distance in found]
