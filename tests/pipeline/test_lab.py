@@ -14,7 +14,7 @@ from sidegan.pipeline.settings import validate
 from sidegan.recording.recording import Recording
 from sidegan.robot import load_robot
 from sidegan.steps.excite import known_model
-from tests.identification.test_payload import CENTRE, MASS, TRUE, load, runs  # noqa: F401
+from tests.identification.test_payload import CENTRE, LOAD, MASS, TRUE, runs
 from tests.recording.conftest import moved
 from tests.recording.files import frame
 from tests.refusals import refused
@@ -32,10 +32,10 @@ def ran(outputs, experiment, *overrides):
 
 
 @pytest.fixture(scope="module")
-def files(arm, load, tmp_path_factory):  # noqa: F811
+def files(arm, tmp_path_factory):
     """Currents of 20 s at 100 Hz, without a load and with it."""
     folder = tmp_path_factory.mktemp("files")
-    for seed, (name, carried) in enumerate({"free": 0 * load, "laden": load}.items()):
+    for seed, (name, carried) in enumerate({"free": 0 * LOAD, "laden": LOAD}.items()):
         data = runs(arm, carried, seed, NOISE, 2000)
         signals = {"position": data.position, "velocity": data.velocity, "current": data.torque / TRUE}
         recording = Recording(name, arm.joint_names, np.arange(2000) / 100, **signals)

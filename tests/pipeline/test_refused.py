@@ -9,7 +9,7 @@ from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, Recordin
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.settings import validate
 from tests import tiny
-from tests.pipeline.test_identify import write
+from tests.recording.files import write_moved
 from tests.refusals import refused
 
 REGIONS = "workspace.regions=[{}]".format
@@ -100,7 +100,7 @@ def folder(tmp_path_factory, planar):
     """Files that are good for one thing and not for another."""
     folder = tmp_path_factory.mktemp("files")
     (folder / "x").mkdir()
-    table = pd.read_csv(write(folder, "a.csv", planar, 0))
+    table = pd.read_csv(write_moved(folder / "a.csv", planar, 0))
     table[500:700].to_csv(folder / "part.csv", index=False)
     (folder / "broken.stl").write_text("no mesh")
     return folder
