@@ -1,4 +1,4 @@
-"""An arm as Pinocchio has it, with the arm's own numbers, and MuJoCo's torques, to check ours against."""
+"""An arm as Pinocchio has it, and torques of Pinocchio and MuJoCo, to check ours against."""
 
 import runpy
 
@@ -22,6 +22,12 @@ def chain_model(arm: Arm) -> pin.Model:
         inertia = pin.Inertia.FromDynamicParameters(arm.inertial_parameters[i])
         model.appendBodyToJoint(i + 1, inertia, pin.SE3.Identity())
     return model
+
+
+def pinocchio_torque(model: pin.Model, *states: Array) -> Array:
+    """Pinocchio's inverse dynamics, (S, J), at positions, velocities and accelerations, (S, J) each."""
+    data = model.createData()
+    return np.array([pin.rnea(model, data, *state).copy() for state in zip(*states)])
 
 
 def mujoco_torque(model: mujoco.MjModel, *states: Array) -> Array:

@@ -24,12 +24,6 @@ def test_importing_the_package_imports_nothing_unused():
     assert done.stdout.strip() == ""
 
 
-def test_a_cell_notes_what_it_decided():
-    cell = sg.Cell("planar2", workspace={"desk": None})
-    assert (cell.home, cell.effort, cell.warnings) == ((0, 0), 0.8, [])
-    assert any(note.startswith("effort: 80%") for note in cell.notes)
-
-
 def test_a_cell_takes_what_it_is_told():
     stated = sg.Cell("planar2", effort=0.5, clearance=0.01, home=np.array([0.1, 0.2]))
     assert (stated.effort, stated.home, stated.constraints.clearance) == (0.5, (0.1, 0.2), 0.01)

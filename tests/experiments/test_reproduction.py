@@ -20,6 +20,7 @@ from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.selection import library
 from sidegan.pipeline.stages.training import generator, load_generator, surrogate_networks
 from sidegan.pipeline.store import Store
+from tests.refusals import refused
 from tests.tiny import tiny
 
 
@@ -177,5 +178,5 @@ def test_verdicts_follow_from_the_numbers(artifacts, factor, beaten, share, draw
 
 def test_a_density_estimate_of_too_few_seeds_is_refused(page, outputs, tmp_path):
     few = tiny(f"outputs={outputs}", "stages=[density]", "subset=10", experiment="reproduction")
-    with pytest.raises(ConfigError, match="more seeds than coefficients: 10 and 12"):
+    with refused(ConfigError, "10", "12"):
         run_stages(few, tmp_path, "few")

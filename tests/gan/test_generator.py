@@ -11,6 +11,7 @@ from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.networks import DenseGenerator
 from sidegan.robot import load_robot
 from tests.gan.conftest import random, untrained
+from tests.refusals import refused
 from tests.validity.critical import limited
 
 
@@ -45,47 +46,46 @@ def test_samples_follow_their_seed(generator):
     assert (generator.sample(6, stream) != a).any()  # a stream goes on
 
 
-OTHER = "does not hold a trajectory generator of format 9"
 FOREIGN = [
-    (OTHER, lambda c: torch.zeros(3)),
-    (OTHER, lambda c: [1, 2]),
-    (OTHER, lambda c: c | {"format": 8}),
-    ("is not a complete generator file: 'digest'", lambda c: {"format": 9}),
-    ("is not a complete generator file: .*loading state_dict", lambda c: c | {"weights": {}}),
-    ("not a complete generator file: .*unexpected keyword", lambda c: c | {"network": {"sides": 4}}),
-    ("weights that are not finite", lambda c: c | {"weights": {k: x / 0 for k, x in c["weights"].items()}}),
+    ("format 9", lambda c: torch.zeros(3)),
+    ("format 9", lambda c: [1, 2]),
+    ("format 9", lambda c: c | {"format": 8}),
+    ("'digest'", lambda c: {"format": 9}),
+    ("state_dict", lambda c: c | {"weights": {}}),
+    ("'sides'", lambda c: c | {"network": {"sides": 4}}),
+    ("weights", lambda c: c | {"weights": {k: x / 0 for k, x in c["weights"].items()}}),
 ]
 
 
-@pytest.mark.parametrize(("words", "change"), FOREIGN)
-def test_a_foreign_file_is_refused(generator, planar, words, change, tmp_path):
+@pytest.mark.parametrize(("about", "change"), FOREIGN)
+def test_a_foreign_file_is_refused(generator, planar, about, change, tmp_path):
     path = tmp_path / "g.pt"
     generator.save(path)
     torch.save(change(torch.load(path)), path)
-    with pytest.raises(ArtifactError, match=words):
+    with refused(ArtifactError, "g.pt", about):
         TrajectoryGenerator.load(path, planar)
 
 
 def test_a_file_of_another_arm_and_impossible_counts_are_refused(generator, arm, tmp_path):
     generator.save(tmp_path / "g.pt")
-    with pytest.raises(ArtifactError, match=r"planar2 .* not for kuka_lwr4"):
+    with refused(ArtifactError, "g.pt", "planar2", "kuka_lwr4"):
         TrajectoryGenerator.load(tmp_path / "g.pt", arm)
     for count in (0, 1.5):
-        with pytest.raises(ShapeError, match=f"cannot sample {count} trajectories"):
+        with refused(ShapeError, str(count)):
             generator.sample(count)
 
 
 def test_a_file_with_a_wrong_bit_is_refused_unless_it_changes_nothing(generator, planar, tmp_path):
     path = tmp_path / "g.pt"
     generator.save(path)
-    whole, made, refused = path.read_bytes(), generator.sample(5), 0
+    whole, made, damaged = path.read_bytes(), generator.sample(5), 0
     for byte in range(0, len(whole), len(whole) // 200):
         path.write_bytes(bytes([*whole[:byte], whole[byte] ^ 0x40, *whole[byte + 1 :]]))
         try:
             assert np.array_equal(TrajectoryGenerator.load(path, planar).sample(5), made), byte
         except ArtifactError:
-            refused += 1
-    assert refused > 100
+            damaged += 1
+    assert damaged > 100
 
 
 def images_of(count, shape, rank=None):

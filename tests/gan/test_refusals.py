@@ -1,4 +1,4 @@
-"""Refusals of the room by their words."""
+"""What the room refuses, by what the message has to name."""
 
 from dataclasses import asdict, replace
 
@@ -81,20 +81,20 @@ def test_a_variant_made_in_python_is_refused_alike(vanilla, settings):
 
 
 @pytest.mark.parametrize(
-    ("error", "words", "change", "spoil"),
+    ("error", "about", "change", "spoil"),
     [
-        (ShapeError, "coefficients are", {}, lambda seeds: seeds[:, :1]),
-        (ShapeError, "not finite", {}, lambda seeds: seeds * np.nan),
-        (ShapeError, "scaling needs at least two seeds", {}, lambda seeds: seeds[:1]),
-        (ConfigError, "all 64 seeds are the same", {}, lambda seeds: seeds[:1].repeat(64, 0)),
-        (SideganError, "small diverged in epoch 0: .*smaller", FAST, lambda seeds: seeds),
-        (SideganError, "its trajectories are not finite", {**FAST, "weights": RANK}, lambda seeds: seeds),
-        (ConfigError, "small needs a success predictor", named("Eigen"), lambda seeds: seeds),
-        (ConfigError, "7 joints and 6 harmonics", IMAGES, lambda seeds: seeds),
+        (ShapeError, ["(64, 1, 3, 2)"], {}, lambda seeds: seeds[:, :1]),
+        (ShapeError, ["finite"], {}, lambda seeds: seeds * np.nan),
+        (ShapeError, ["two seeds", "1"], {}, lambda seeds: seeds[:1]),
+        (ConfigError, ["64 seeds"], {}, lambda seeds: seeds[:1].repeat(64, 0)),
+        (SideganError, ["small", "epoch 0", "loss"], FAST, lambda seeds: seeds),
+        (SideganError, ["small", "trajectories"], {**FAST, "weights": RANK}, lambda seeds: seeds),
+        (ConfigError, ["small", "success"], named("Eigen"), lambda seeds: seeds),
+        (ConfigError, ["small", "7 joints", "6 harmonics"], IMAGES, lambda seeds: seeds),
     ],
 )
-def test_impossible_trainings_are_refused(vanilla, data, error, words, change, spoil, tmp_path):
-    with pytest.raises(error, match=words):
+def test_impossible_trainings_are_refused(vanilla, data, error, about, change, spoil, tmp_path):
+    with refused(error, *about):
         train_variant(
             replace(vanilla, **change),
             replace(data, seeds=spoil(data.seeds)),
@@ -106,5 +106,5 @@ def test_an_arm_that_cannot_move_is_refused(planar, family):
     weak = Constraints(replace(planar, torque_limit=np.full(2, 1e-4)))
     beside = [Plane((side, 0, 0), -0.0501) for side in (1, -1)]  # a tenth of a millimetre from the links
     for constraints, fault in ((weak, "torque"), (Constraints(planar, beside), "keep_out")):
-        with pytest.raises(InfeasibleError, match=f"a little .* violate {fault} of"):
+        with refused(InfeasibleError, fault):
             random_trajectories(constraints, family, 0)

@@ -21,11 +21,10 @@ from sidegan.identification.verdict import Quality
 from sidegan.identification.workflow import assess, identify_arm
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording
-from tests.recording.conftest import moved, of_file
+from tests.recording.conftest import COULOMB, VISCOUS, moved, of_file
 
 NOISE = Noise()
 GOAL = GoalSettings(count=1, objective="parameters")
-VISCOUS, COULOMB = np.array([2.0, 0.8]), np.array([1.0, 0.4])  # of a planar arm
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
 
 

@@ -25,7 +25,7 @@ from tests.identification.recordings import (
     truth_of,
     white,
 )
-from tests.oracle import python_class
+from tests.oracle import pinocchio_torque, python_class
 from tests.refusals import refused
 
 NOISE = 0.5  # [N·m]
@@ -70,8 +70,8 @@ def test_the_load_is_that_of_pinocchio(model, arm):
     q, dq, ddq = states = multisine(model.joints, 50, 3)
     robot = pinocchio.buildModelFromUrdf(str(arm.urdf))
     robot.armature = FRICTION["rotor_inertia"] * np.linspace(1.0, 0.4, model.joints)  # as in truth_of
-    load = np.stack([pinocchio.rnea(robot, robot.createData(), *state) for state in zip(*states)])
-    added = SIZE * np.tanh(dq / 0.01) * np.abs(load) / true.effects.usual
+    load = np.abs(pinocchio_torque(robot, *states))
+    added = SIZE * np.tanh(dq / 0.01) * load / true.effects.usual
     plain = model.torque(parameters[: model.count], *states)
     np.testing.assert_allclose(true.torque(parameters, q, dq, ddq)[:, 1], (plain + added)[:, 1], atol=1e-8)
 

@@ -8,9 +8,7 @@ import yaml
 
 from benchmarks.recordings import METHODS, report
 from sidegan.errors import ConfigError
-from tests.identification.recordings import COULOMB, VISCOUS
-from tests.recording.conftest import moved
-from tests.recording.files import frame
+from tests.recording.files import write_moved
 from tests.refusals import refused
 
 PLANAR = {"source": "made up", "cell": {"robot": "planar2"}, "recordings": ["0.csv"], "validation": ["1.csv"]}
@@ -27,9 +25,7 @@ def test_a_row_of_each_method_and_a_note_of_each_arm(planar, tmp_path, monkeypat
     monkeypatch.setitem(sys.modules, "figaroh", None)  # as where it is not installed
     folder = written(tmp_path)
     for seed in range(2):
-        random = np.random.default_rng(seed)
-        made = moved(planar, np.arange(1500) / 100, VISCOUS, COULOMB, random)
-        frame(made).to_csv(folder / "planar" / f"{seed}.csv", index=False)
+        write_moved(folder / "planar" / f"{seed}.csv", planar, seed, seconds=15)
     table, notes = report(folder).split("\n\n")
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()[2:]]
     assert [row[:2] for row in rows] == [["planar", method] for method in METHODS]

@@ -11,16 +11,16 @@ from sidegan.base.threads import on_threads
 from sidegan.motion.dynamics import BaseParameters, RigidBody
 from tests.chains import random_chain, random_states
 from tests.motion.conftest import CHAINS, close
+from tests.oracle import pinocchio_torque
 
 
 @pytest.mark.parametrize("chain", [None, *CHAINS])
 def test_dynamics_agree_with_pinocchio(chain, arm):
     arm, model = random_chain(*chain) if chain else (arm, pin.buildModelFromUrdf(str(arm.urdf)))
     states = random_states(arm, 40, chain[1]) if chain else random_states(arm, 1000)
-    body, data, rows = RigidBody(arm), model.createData(), list(zip(*states))
-    regressor = [pin.computeJointTorqueRegressor(model, data, *row).copy() for row in rows]
+    body, data, torque = RigidBody(arm), model.createData(), pinocchio_torque(model, *states)
+    regressor = [pin.computeJointTorqueRegressor(model, data, *row).copy() for row in zip(*states)]
     regressor = np.reshape(regressor, (*states[0].shape, -1))
-    torque = np.stack([pin.rnea(model, data, *row).copy() for row in rows])
     scale = np.abs(regressor).max()
     np.testing.assert_allclose(body.regressor(*states), regressor, atol=1e-13 * scale, rtol=0)
     np.testing.assert_allclose(body.torque(*states), torque, atol=1e-12 * scale, rtol=0)

@@ -17,14 +17,12 @@ from sidegan.pipeline.stages import identify
 from sidegan.pipeline.store import PARAMS
 from sidegan.recording.settings import Files
 from sidegan.steps.identify import check_recordings
-from tests.oracle import python_class
+from tests.oracle import mujoco_torque, pinocchio_torque, python_class
 from tests.pipeline.conftest import client_of
-from tests.recording.conftest import moved
-from tests.recording.files import frame
+from tests.recording.files import write_moved
 from tests.tiny import tiny
 
 FILES = "MLmodel arm.h check.json links.csv model.py parameters.csv parameters.json report.html verdict.json"
-VISCOUS, COULOMB = np.array([2.0, 0.8]), np.array([1.0, 0.4])
 
 
 def identified(outputs, *overrides, run="run"):
@@ -34,18 +32,10 @@ def identified(outputs, *overrides, run="run"):
     return json.loads((folder / "verdict.json").read_text()), folder
 
 
-def write(folder, name, arm, seed):
-    """A recording of a random motion of 30 s, with friction and noise."""
-    generator = np.random.default_rng(seed)
-    made = moved(arm, np.arange(30 * 100) / 100, VISCOUS, COULOMB, generator)
-    frame(made).to_csv(folder / name, index=False)
-    return folder / name
-
-
 @pytest.fixture(scope="module")
 def files(tmp_path_factory, planar):
     folder = tmp_path_factory.mktemp("recordings")
-    return [write(folder, f"{name}.csv", planar, seed) for seed, name in enumerate("abc")]
+    return [write_moved(folder / f"{name}.csv", planar, seed) for seed, name in enumerate("abc")]
 
 
 def given(*files):
@@ -88,27 +78,17 @@ def consistent(once, planar):
     return model, torque, [q, dq, ddq]
 
 
-def by_mujoco(folder):
-    """MuJoCo's inverse dynamics of the MJCF, and its damping and friction."""
+def by_mujoco(folder, *states):
+    """MuJoCo's torques of the MJCF with its damping and friction, and these."""
     mjcf = mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))
-    data = mujoco.MjData(mjcf)
-
-    def torque(q, dq, ddq):
-        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
-        mujoco.mj_inverse(mjcf, data)
-        return data.qfrc_inverse
-
-    return torque, mjcf.dof_damping, mjcf.dof_frictionloss
+    return mujoco_torque(mjcf, *states), mjcf.dof_damping, mjcf.dof_frictionloss
 
 
-def by_pinocchio(folder):
-    """Pinocchio's inverse dynamics of the URDF with its friction, and its damping and friction."""
+def by_pinocchio(folder, q, dq, ddq):
+    """Pinocchio's torques of the URDF, its damping and friction added, and these."""
     urdf = pin.buildModelFromUrdf(str(folder / "planar2.urdf"))
     viscous, coulomb = urdf.damping, urdf.upperDryFrictionLimit
-
-    def torque(q, dq, ddq):
-        return pin.rnea(urdf, urdf.createData(), q, dq, ddq) + viscous * dq + coulomb * np.sign(dq)
-
+    torque = pinocchio_torque(urdf, q, dq, ddq) + viscous * dq + coulomb * np.sign(dq)
     return torque, viscous, coulomb
 
 
@@ -117,10 +97,9 @@ def test_exported_models_give_the_consistent_links_torques_with_their_own_fricti
     once, consistent, read, apart
 ):
     model, torque, states = consistent
-    (found, viscous, coulomb), terms = read(once[1]), model["consistent"]["terms"]
+    (found, viscous, coulomb), terms = read(once[1], *states), model["consistent"]["terms"]
     change = (viscous - terms["viscous"]) * states[1] + (coulomb - terms["coulomb"]) * np.sign(states[1])
-    for row, *state in zip(torque + change - terms["offset"], *states):
-        np.testing.assert_allclose(found(*state), row, rtol=0, atol=apart)  # N·m
+    np.testing.assert_allclose(found, torque + change - terms["offset"], rtol=0, atol=apart)  # N·m
 
 
 def test_each_file_is_read_again_and_predicts_as_well_as_what_it_holds(once):
@@ -189,7 +168,8 @@ def test_the_command_that_reproduces_a_model_reads_the_same_files(tmp_path, plan
     folder.mkdir()
     urdf = folder / "arm, 2.urdf"
     urdf.write_text(planar.urdf.read_text())
-    paths = [str(write(folder, name, planar, k)) for k, name in enumerate(("a, b.csv", "c.csv", "d.csv"))]
+    names = "a, b.csv", "c.csv", "d.csv"
+    paths = [str(write_moved(folder / name, planar, seed)) for seed, name in enumerate(names)]
     files = {"position": paths[1], "velocity": paths[1], "torque": paths[1]}
     cell = Cell(urdf, limits={"velocity": 10 / 3}, locked=None)
     for validation in ([paths[2]], 0.1 + 0.2):

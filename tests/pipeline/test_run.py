@@ -191,13 +191,6 @@ def test_help_fits_a_screen_and_starts_nothing(command, capsys, tmp_path):
     assert [path for path in tmp_path.iterdir() if path.suffix != ".log"] == []
 
 
-def test_user_settings_come_from_a_user_folder(command, capsys, tmp_path):
-    (tmp_path / "lab" / "robot").mkdir(parents=True)
-    (tmp_path / "lab" / "robot" / "ours.yaml").write_text("defaults: [planar2]\n", encoding="utf-8")
-    assert command("--config-dir=lab", "--cfg=job", "--package=robot", "robot=ours") == 0
-    assert "name: planar2" in capsys.readouterr().out
-
-
 def test_help_may_be_cut_short(tmp_path):
     """As by `--help | head`: whoever reads it has seen enough."""
     command = [sys.executable, "-m", "sidegan.run", "--help"]

@@ -18,6 +18,7 @@ from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, changes, setting
 from sidegan.seeding import seeds_recipe
 from tests import tiny
+from tests.refusals import refused
 
 
 def configured(*overrides, experiment="reproduction"):
@@ -73,7 +74,7 @@ def test_a_command_composes_only_the_groups_it_uses():
     config = configured("robot=ur10e", experiment="identify")
     assert not config.has("gan") and not config.has("seeds") and config.has("recording", "model")
     assert len(dotted(config.plain())) <= 80
-    with pytest.raises(ConfigError, match=r"no settings seeds: choose some, seeds="):
+    with refused(ConfigError, "seeds="):
         config.seeds.count  # noqa: B018
     assert (config.recording.cutoff, config.model.rotor_inertia) == (5, True)
 

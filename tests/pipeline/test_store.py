@@ -4,7 +4,6 @@ import errno
 import json
 import multiprocessing
 import os
-import re
 import signal
 from dataclasses import replace
 from types import SimpleNamespace
@@ -19,6 +18,7 @@ from sidegan.pipeline import store as stores
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.run import ARTIFACTS, make_all
 from sidegan.pipeline.store import Store
+from tests.refusals import refused
 
 PATIENCE = 120  # [s] with processes that others keep from their work
 
@@ -105,7 +105,7 @@ DAMAGES += [("numbers.txt", x) for x in ("1", "1 2 4", None)] + [("deep/more.txt
 def test_a_damaged_artifact_is_reported_and_rebuilt(store, caplog, name, content):
     path = store.produce(numbers()) / name
     path.write_text(content) if content else path.unlink()
-    with pytest.raises(ArtifactError, match=re.escape(name)):
+    with refused(ArtifactError, name):
         store.require(numbers())
     assert store.find(numbers()) is None
     assert caplog.text.count("it will be made again") == 1
@@ -115,14 +115,14 @@ def test_a_damaged_artifact_is_reported_and_rebuilt(store, caplog, name, content
 def test_a_missing_artifact_is_compared_with_the_nearest_one(store):
     (store.produce(numbers(40)) / "params.json").unlink()
     (store.produce(numbers(50)) / "numbers.txt").unlink()
-    alone = r"no numbers/kuka for this configuration, run stage numbers first$"
-    with pytest.raises(ArtifactError, match=alone):
+    with refused(ArtifactError, "numbers/kuka", "stage numbers") as alone:
         store.require(numbers(4200))
+    assert "settings.count" not in str(alone.value)
     store.produce(numbers(400))
     store.produce(numbers(500, seed=7))
     of_missing = replace(numbers(), inputs={"numbers": numbers(4200)})
     for made in (numbers(4200), of_missing):
-        with pytest.raises(ArtifactError, match=r"in the nearest one, settings\.count is 400, not 4200$"):
+        with refused(ArtifactError, "settings.count", "400", "4200"):
             store.require(made)
 
 
@@ -132,21 +132,21 @@ def full(*_):
 
 def test_an_unusable_output_folder_is_refused(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
-    with pytest.raises(StorageError, match=r"output folder .*file"):
+    with refused(StorageError, str(tmp_path / "file")):
         Store(tmp_path / "file")
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(StorageError, match="No space left"):
+    with refused(StorageError, os.strerror(errno.ENOSPC)):
         Store(tmp_path / "full")
     assert list((tmp_path / "full").iterdir()) == []
 
 
 def test_a_full_disk_leaves_no_artifact(store, monkeypatch):
     (store.root / "numbers").write_text("in the way")
-    with pytest.raises(StorageError, match="numbers"):
+    with refused(StorageError, str(store.root / "numbers")):
         store.produce(numbers())
     (store.root / "numbers").unlink()
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(StorageError, match="No space left"):
+    with refused(StorageError, os.strerror(errno.ENOSPC)):
         store.produce(numbers())
     assert store.find(numbers()) is None
 

@@ -12,6 +12,7 @@ from sidegan.recording.settings import RecordingSettings
 from sidegan.robot import load_robot
 
 PLANAR = load_robot("planar2")
+VISCOUS, COULOMB = np.array([2.0, 0.8]), np.array([1.0, 0.4])  # friction of a planar arm
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from sidegan.recording.load import load_recording
-from tests.recording.conftest import of_file
+from tests.recording.conftest import COULOMB, VISCOUS, moved, of_file
 
 JOINTS = "shoulder", "elbow"
 LETTERS = {"position": "q", "velocity": "qd", "acceleration": "qdd", "torque": "tau", "current": "i"}
@@ -67,6 +67,13 @@ write_csv = written()
 def write_parquet(recording, folder):
     frame(recording).to_parquet(folder / "a.parquet")
     return folder / "a.parquet"
+
+
+def write_moved(path, arm, seed, seconds=30):
+    """A CSV of a random motion of a planar arm at 100 Hz, with friction and noise."""
+    time = np.arange(seconds * 100) / 100
+    frame(moved(arm, time, VISCOUS, COULOMB, np.random.default_rng(seed))).to_csv(path, index=False)
+    return path
 
 
 def arrays(**changes):

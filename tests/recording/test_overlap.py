@@ -10,6 +10,7 @@ from sidegan.errors import RecordingError
 from sidegan.recording.grid import low_pass
 from sidegan.recording.overlap import digests_of, refuse_shared, same_run
 from tests.recording.conftest import moved
+from tests.refusals import refused
 
 
 def made(planar, seed):
@@ -21,35 +22,34 @@ def original(planar):
     return made(planar, 0)
 
 
-def refusal(first, second):
-    """The message that refuses two recordings with shared samples, or nothing."""
-    try:
-        refuse_shared([("a", digests_of(first)), ("b", digests_of(second))])
-    except RecordingError as error:
-        return str(error)
-    return ""
+def compare(first, second):
+    """Refuses two recordings with shared samples."""
+    refuse_shared([("a", digests_of(first)), ("b", digests_of(second))])
 
 
 def test_shared_samples_are_found_despite_another_clock(original, planar):
-    assert refusal(original, original)
+    with refused(RecordingError, "b", "a"):
+        compare(original, original)
     middle = original.take(slice(1000, 1200))
     other = made(planar, 1).take(slice(0, 1500))
     columns = {name: np.concatenate([x, middle.signals()[name]]) for name, x in other.signals().items()}
     both = replace(other, time=np.concatenate([other.time, 7 + middle.time]), **columns)
-    assert "b holds samples of a, from 12 s to 12.995 s" in refusal(original, both)
+    with refused(RecordingError, "samples", "12 s", "12.995 s"):
+        compare(original, both)
 
 
 def test_shared_samples_are_found_with_fewer_signals_in_single_precision(original):
     single = {name: x.astype(np.float32).astype(float) for name, x in original.signals().items()}
-    assert refusal(original, replace(original, **{**single, "velocity": None, "acceleration": None}))
+    with refused(RecordingError, "samples"):
+        compare(original, replace(original, **{**single, "velocity": None, "acceleration": None}))
 
 
 def test_shared_torques_are_found_under_another_motion(original, planar):
     other = made(planar, 1)
     half = np.concatenate([other.torque[:1000], original.torque[1000:]])
-    assert "b has the same torques as a, from 5" in refusal(original, replace(other, torque=half))
-    coarse = [replace(x, torque=(x.torque / 2).round()) for x in (original, other)]
-    assert not refusal(*coarse)
+    with refused(RecordingError, "torques", " 5"):
+        compare(original, replace(other, torque=half))
+    compare(*(replace(x, torque=(x.torque / 2).round()) for x in (original, other)))
 
 
 def test_different_motion_noise_or_rest_is_not_reported_as_shared(original, planar):
@@ -57,8 +57,8 @@ def test_different_motion_noise_or_rest_is_not_reported_as_shared(original, plan
     rest = {name: np.broadcast_to(x[:1], (500, x.shape[1])) for name, x in original.signals().items()}
     resting = replace(original, time=np.arange(500.0), **rest)
     for other in (made(planar, 1), replace(original, torque=original.torque + 1e-3 * noise), resting):
-        assert not refusal(original, other)
-    assert not refusal(resting, resting)
+        compare(original, other)
+    compare(resting, resting)
 
 
 def again(recording, change=lambda x: x, rows=slice(None), decimals=4):

@@ -22,6 +22,7 @@ from sidegan.robot import (
     write_urdf,
 )
 from tests.chains import random_states, real_links
+from tests.oracle import pinocchio_torque
 from tests.recording.conftest import real
 
 from .urdf import INERTIA, joint, link, more, one_joint, robot
@@ -32,12 +33,6 @@ def drives(joints):
     return Drives(*(x + np.arange(joints, dtype=float) / 10 for x in (0.5, 1.0, 0.2)))
 
 
-def pinocchio_torque(model, states):
-    """Torque [N·m or N], (S, J), without friction."""
-    data = model.createData()
-    return np.array([pin.rnea(model, data, *state).copy() for state in zip(*states)])
-
-
 def assert_written(arm, path):
     """An arm's torques are its file's by Pinocchio, and with other links those of what is written."""
     parameters, states = real_links(arm.joints, 0), random_states(arm, 50)
@@ -46,7 +41,7 @@ def assert_written(arm, path):
     expected = RigidBody(arm).regressor(*states) @ parameters.ravel()
     np.testing.assert_allclose(RigidBody(read).torque(*states), expected, rtol=0, atol=1e-9)
     for same in (arm, read):
-        expected = pinocchio_torque(pin.buildModelFromUrdf(str(same.urdf)), states)
+        expected = pinocchio_torque(pin.buildModelFromUrdf(str(same.urdf)), *states)
         np.testing.assert_allclose(RigidBody(same).torque(*states), expected, rtol=0, atol=1e-9)
 
 
@@ -139,7 +134,7 @@ def test_three_engines_read_the_same_arm_from_mjcf(name, tmp_path):
     model, other = pin.buildModelFromMJCF(str(path)), mujoco.MjModel.from_xml_path(str(path))
     with_rotors = rigid + own.rotor_inertia * ddq
     whole = with_rotors + own.viscous * dq + own.coulomb * np.sign(dq)
-    np.testing.assert_allclose(pinocchio_torque(model, states), with_rotors, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(pinocchio_torque(model, *states), with_rotors, rtol=0, atol=1e-9)
     np.testing.assert_allclose(torque_of_mjcf(path, *states), whole, rtol=0, atol=1e-9)
     np.testing.assert_allclose(model.upperPositionLimit, arm.position_upper, rtol=0, atol=1e-12)
     assert other.ngeom == len(arm.capsules.link) and np.all(other.geom_contype & other.geom_conaffinity)

@@ -75,10 +75,10 @@ def test_a_long_trajectory_is_the_best_of_its_starts(planar_problem):
 
 def test_seeds_that_never_become_valid_are_reported_with_the_reason(planar_problem, tmp_path, monkeypatch):
     monkeypatch.setattr(optimise, "HOPELESS", 1.0)
-    with pytest.raises(InfeasibleError, match=r"only 0 of 2 seeds became valid .* condition number"):
+    with refused(InfeasibleError, "0 of 2", "condition number"):
         made(planar_problem, tmp_path, method=Gradient(5, attempts=5, reserve=0.2), count=2)
     method = Spied(replace(METHOD, attempts=1, steps=3))
-    with pytest.raises(InfeasibleError, match=r"only 0 of 1 seeds became valid in 10 starts"):
+    with refused(InfeasibleError, "0 of 1", "10 starts"):
         make_long(planar_problem, method, 2, np.random.SeedSequence(0), workers=1)
     assert method.calls == 10
 
@@ -123,5 +123,5 @@ def test_settings_of_another_method_are_refused(names, method, options):
 def test_seeds_must_fit_the_box_of_their_generators():
     refuse_beyond(np.array([0.2 * (1 + 1e-7), -0.1]), 0.2)
     refuse_beyond(np.array([9.0]), None)
-    with pytest.raises(ConfigError, match=r"reach 0\.3 rad/s, beyond the box of 0\.2: .*seeds\.box=null"):
+    with refused(ConfigError, "0.3 rad/s", "0.2", "seeds.box=null"):
         refuse_beyond(np.array([-0.3, 0.1]), 0.2)

@@ -9,6 +9,7 @@ from sidegan.seeding.optimise import SeedBatch, ship, shipped
 from sidegan.seeding.published import SCALE, Layout, PublishedSeeds
 from sidegan.validity import check
 from tests.golden.make import DATA
+from tests.refusals import refused
 
 AUTHORS = DATA / "sidegan_authors"
 PERIOD = 2 * np.pi / 0.4
@@ -43,21 +44,21 @@ def test_images_and_coefficients_are_inverse():
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("content", "about"),
     [
-        (None, "has no seeds.*git clone"),
-        (np.zeros((1, 2, 7, 7)), r"\(2, 3, 3\)"),
+        (None, "git clone"),
+        (np.zeros((1, 2, 7, 7)), "(2, 3, 3)"),
         (np.arange(18.0).reshape(1, 2, 3, 3), "last row"),
         (np.full((1, 2, 3, 3), np.nan), "last row"),
-        (b"no array", "not a complete NumPy file"),
+        (b"no array", MASTER),
     ],
 )
-def test_a_wrong_layout_is_refused(tmp_path, content, message):
+def test_a_wrong_layout_is_refused(tmp_path, content, about):
     if isinstance(content, bytes):
         (tmp_path / MASTER).write_bytes(content)
     elif content is not None:
         np.save(tmp_path / MASTER, content)
-    with pytest.raises(ConfigError, match=message):
+    with refused(ConfigError, str(tmp_path), about):
         PublishedSeeds(tmp_path).read(SMALL)
 
 
