@@ -50,11 +50,11 @@ def suggestion(name: str, value: object, digits: str = "") -> str:
     return f"{argument}={_text(value, digits, python=True)}"
 
 
-def suggest_fields(group: str, fields: Mapping[str, object]) -> str:
+def suggest_fields(group: str, fields: Mapping[str, object], digits: str = "") -> str:
     """Several settings of a group for a message: arguments of the command, or one mapping in Python."""
     if _of_a_command.get():
-        return " ".join(setting(f"{group}.{name}", value) for name, value in fields.items())
-    return suggestion(group, fields)
+        return " ".join(setting(f"{group}.{name}", value, digits) for name, value in fields.items())
+    return suggestion(group, fields, digits)
 
 
 def setting_name(name: str) -> str:
@@ -70,6 +70,11 @@ def suggest_by_joint(
 ) -> str:
     """A setting of the arm by joint name for a message, including values given before."""
     return suggestion(f"robot.{name}", {**(given or {}), **values}, _ROUNDED)
+
+
+def suggest_limits(values: Mapping[str, Mapping[str, object]]) -> str:
+    """Limits of the arm by kind and joint for a message."""
+    return suggest_fields("robot.limits", values, _ROUNDED)
 
 
 def suggest_touching(pairs: Iterable[Sequence[str]], given: Iterable[Sequence[str]] | None = None) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.base.settings_text import FILL_IN, setting_name, suggest_by_joint
+from sidegan.base.settings_text import FILL_IN, setting_name, suggest_by_joint, suggest_limits
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
@@ -73,16 +73,13 @@ def limits_of(
             "soft limits apply, since drivers enforce them (safety_controller): "
             f"{listed([words for _, words in described.narrowed.values()])}; for the full range: {whole}"
         )
-    if described.missing:
-        lines = " ".join(
-            suggest_by_joint(f"limits.{kind}", values, stated[kind])
-            for kind, values in described.examples.items()
-        )
-        if planning:
-            first, *others = described.missing
-            missing = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
-            raise RobotError(f"{missing}; state the arm's limits, for example {lines}")
-        notes.append(f"limits missing from the description are assumed to be {lines}")
+    if described.missing and planning:
+        asked = {kind: {**stated[kind], **values} for kind, values in described.examples.items()}
+        first, *others = described.missing
+        missing = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
+        raise RobotError(f"{missing}; state the arm's limits, for example {suggest_limits(asked)}")
+    if assumed := _without_blanks(described.examples):
+        notes.append(f"limits missing from the description are assumed to be {suggest_limits(assumed)}")
     if doubts and planning:
         raise RobotError(f"{tree.where}: {doubts} if not, state the real ones in the same way")
     if doubts:
@@ -119,6 +116,14 @@ def _arrays(found: _ByKind) -> dict[str, Array]:
     }
 
 
+def _without_blanks(examples: _ByKind) -> _ByKind:
+    """Limits by kind and joint, but for those that only the user can fill in."""
+    known = {
+        kind: {name: x for name, x in values.items() if x != FILL_IN} for kind, values in examples.items()
+    }
+    return {kind: values for kind, values in known.items() if values}
+
+
 def _check_stated(tree: Tree, stated: _ByKind) -> None:
     """Raise unless the user's limits, by kind and joint, are of joints that exist, in ranges."""
     for kind, values in stated.items():
@@ -140,7 +145,7 @@ class _Described:
     def __init__(self, home: dict[str, float]) -> None:
         self.home = home
         self.missing: list[str] = []
-        self.examples: dict[str, dict[str, object]] = {}  # by kind and joint
+        self.examples: _ByKind = {}
         self.narrowed: dict[str, tuple[_Span, str]] = {}  # full ranges, and soft limits in words
         self.useless: list[str] = []  # joints whose soft limits leave no range
 
@@ -165,7 +170,8 @@ class _Described:
         velocity = joint.number("limit", "velocity")
         if velocity > 0:
             return velocity
-        has = f"velocity limit {joint.part('limit').get('velocity')}, expected more than 0"
+        own = joint.part("limit").get("velocity")
+        has = "no velocity limit" if own is None else f"velocity limit {own}, expected more than 0"
         return self._example("velocity", joint, _EXAMPLE_SPEED.get(joint.kind, 1.0), has)
 
     def effort(self, joint: UrdfJoint) -> float:
@@ -207,41 +213,45 @@ class _Described:
 def _in_other_units(moving: tuple[UrdfJoint, ...], found: _ByKind, stated: _ByKind) -> str:
     """Questions on limits that no arm has, with settings that state them; converts the limits.
 
-    All limits of a kind are in the other unit if half of them must be.
+    The description's and the user's are judged apart. If several limits of a kind, and at least half of them,
+    must be in the other unit, all are taken to be; otherwise those above half of the largest that an arm has.
     """
-    said = []
-    for kind, slides in product(LIMITS, (False, True)):
+    questions, right = list[str](), _ByKind()
+    for kind, slides, users in product(LIMITS, (False, True), (False, True)):
         largest, other, factor = LIMITS[kind][slides]
         given = stated[kind]
-        joints = [x for x in moving if x.slides == slides and _described(x, kind, given)]
+        joints = [x for x in moving if x.slides == slides and (x.name in given) == users]
+        joints = [x for x in joints if _questionable(x, kind, users)]
         own = {x: np.atleast_1d(found[kind][x.name]).tolist() for x in joints}
         size = {x: max(map(abs, limits)) for x, limits in own.items()}
         beyond = [x for x in joints if largest < size[x] < math.inf]
-        wrong = [x.name for x in beyond if x.name in given or not made_up(size[x], largest)]
+        wrong = [x.name for x in beyond if users or not made_up(size[x], largest)]
         if not wrong:
             continue
         least = 0.0 if len(wrong) > 1 and 2 * len(wrong) >= len(own) else largest / 2
         if geared := kind == "velocity" and all(x.reduction > 1 for x in beyond):
             other = "the motors', of which mechanicalReduction makes the joints'"
-        values = dict[str, Any]()
+        values = right.setdefault(kind, dict(given))
         for x in (x for x in joints if least < size[x] < math.inf):
             value = [limit / x.reduction if geared else factor * limit for limit in own[x]]
             found[kind][x.name] = likely = value if len(value) > 1 else value[0]
             values[x.name] = likely if max(map(abs, value)) <= largest else FILL_IN
-        right = suggest_by_joint(f"limits.{kind}", values, given)
-        said.append(
+        questions.append(
             f"{kind} limits of {listed(wrong, 4)} (up to {max(size[x] for x in beyond):.4g}) are beyond any "
-            f"arm's: are these {other}? In SI units they are then {right};"
+            f"arm's: are these {other}?"
         )
-    return " ".join(said)
+    return f"{' '.join(questions)} In SI units they are then {suggest_limits(right)};" if questions else ""
 
 
-def _described(joint: UrdfJoint, kind: str, given: dict[str, Any]) -> bool:
-    """Whether a joint's limit is the description's, or may be in degrees as the description's is not."""
+def _questionable(joint: UrdfJoint, kind: str, users: bool) -> bool:
+    """Whether a joint's limit may be in another unit.
+
+    Any of the description's may be; of the user's only a range, whose description is clearly in radians.
+    """
+    if kind != "position":
+        return not users
     own = max(abs(xml.number_or_zero(joint.part("limit").get(key))) for key in ("lower", "upper"))
-    if kind == "position":
-        return joint.kind != "continuous" and (joint.name not in given or 0 < own <= FULL_TURN)
-    return joint.name not in given
+    return joint.kind != "continuous" and (not users or 0 < own <= FULL_TURN)
 
 
 def _wider(joint: UrdfJoint, limits: dict[str, float]) -> list[str]:

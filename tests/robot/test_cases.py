@@ -255,6 +255,24 @@ def test_limits_in_other_units_are_refused_with_those_in_si(load, tmp_path, capl
         load_robot(tmp_path / "robot.urdf", Setup(limits=Limits(**{kind: yaml.safe_load(values)})))
 
 
+def test_a_range_of_the_user_is_not_in_degrees_because_the_descriptions_are(load, tmp_path):
+    text = mixed(limit(-5, 5), limit(-99, 120))
+    own = Setup(limits=Limits(position={"joint0": (-0.08, 0.08)}))
+    with refused(RobotError, "degrees", "'joint0': [-0.08, 0.08]", "'joint1': [-1.72788, 2.0944]"):
+        load(text, own)
+    assert load_robot(tmp_path / "robot.urdf", own, planning=False).position_upper[0] == 0.08
+
+
+def test_limits_of_several_kinds_are_one_setting(load):
+    text = mixed(limit(-180, 20, 180), limit(-166, 120, 180), kind=SLIDE)
+    rail = "'joint0': [-0.18, 0.02]", "'joint0': 0.18"
+    with refused(
+        RobotError, "degrees", "millimetres", "'position': {'joint1'", "'velocity': ", *rail
+    ) as caught:
+        load(text)
+    assert str(caught.value).count("limits={") == 1
+
+
 def test_limits_that_the_user_repeats_are_taken(load):
     stated = Limits(position={f"joint{k}": (-166.0, 120.0) for k in range(4)})
     assert load(arm_of(limit=limit(-166, 120)), Setup(limits=stated)).position_upper[0] == 120

@@ -161,8 +161,8 @@ class TestLimits:
 
     def test_all_missing_limits_are_asked_for_at_once(self, load):
         text = two_joints(limit='<limit lower="1" upper="-1"/>').replace('velocity="2.5"', 'velocity="0"')
-        asked = "{'velocity': {'first': 1, 'second': 1}}", "{'position': {'second': [-1, 1]}}"
-        with refused(RobotError, *(f"limits={x}" for x in asked)):
+        asked = "{'velocity': {'first': 1, 'second': 1}, 'position': {'second': [-1, 1]}}"
+        with refused(RobotError, f"limits={asked}"):
             load(text, Setup(limits=Limits(effort={"first": 3.0})))
         limits = Limits(velocity={"first": 1.0, "second": 1.0}, position={"second": (-1.0, 1.0)})
         assert load(text, Setup(limits=limits)).velocity_limit.tolist() == [1, 1]

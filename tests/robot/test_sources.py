@@ -252,6 +252,13 @@ def test_reading_two_joints_on_one_axis_leaves_no_file_of_mujocos(load, tmp_path
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
 
 
+def test_a_torque_limit_that_is_not_read_is_none_where_nothing_is_planned(tmp_path):
+    (tmp_path / "arm.xml").write_text(TIED[0][0])
+    arm = load_robot(tmp_path / "arm.xml", FREE, planning=False)
+    assert arm.torque_limit.tolist() == [90.0, np.inf, np.inf]
+    assert not [note for note in arm.notes if "assumed" in note]
+
+
 def test_a_torque_limit_that_the_file_lacks_and_the_user_gave_is_written(load, tmp_path):
     arm = load(TIED[0][0], STRONG, name="arm.xml")
     write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
