@@ -29,7 +29,7 @@ _LONG = ("#b2182b", "#ef8a62", "#67001f")  # long trajectories, one after anothe
 
 
 def kind_of(name: str) -> tuple[str, int]:
-    """The kind of a set and the number that its name ends with; of others their whole name, and 0."""
+    """A set's kind and the number at its end; of a name without one, the whole name and 0."""
     found = _NUMBERED.fullmatch(name)
     return (found[1], int(found[2])) if found else (name, 0)
 

@@ -66,7 +66,7 @@ def generator_table(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def valid_share(frame: pd.DataFrame) -> pd.Series:
-    """Valid share of all that was drawn for a generator's library, and of the other sets."""
+    """Share of valid trajectories: of all that were drawn for a set, or else of the set itself."""
     return frame.valid_share.fillna(frame.valid)
 
 
@@ -76,7 +76,7 @@ def likeness_table(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _spreads(frame: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
-    """Columns with their labels, a row for each generator."""
+    """Mean ± deviation of labelled columns over trainings, a row for each set."""
     known = {key: label for key, label in columns.items() if key in frame}
     table = frame.groupby("name")[list(known)].agg(spread).rename(columns=known)
     return table.loc[sort_sets(table.index)].rename_axis("generator")

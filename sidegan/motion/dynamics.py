@@ -25,6 +25,8 @@ _MOST_STATES = 720  # in total: 72 rows per column, while computation grows with
 # Rounding noise is near 1e-15, the weakest true effect near 1e-3. A right angle written as 1.5708 tilts a
 # vertical joint by 4e-6, so that it feels the weight of everything it turns.
 _NO_EFFECT = 1e-5
+_FASTEST = 5.0  # largest acceleration of the random states [rad/s² or m/s²]
+_ROUNDING = 1e-10  # smaller coefficients of the mapping are rounding
 _STATES_IN_CACHE = 2_000  # per thread, whose regressor fits into the cache
 _WORTH_A_THREAD = 1_000  # states, half a millisecond of work
 _ARMS = 64  # whose base parameters are kept
@@ -57,7 +59,7 @@ class BaseParameters:
         draw = np.random.default_rng(0).random((3, states, arm.joints)) * 2 - 1
         lower, upper = arm.position_lower, arm.position_upper
         q = (upper + lower) / 2 + (upper - lower) / 2 * draw[0]
-        y = RigidBody(arm).regressor(q, draw[1] * arm.velocity_limit, draw[2] * 5.0)
+        y = RigidBody(arm).regressor(q, draw[1] * arm.velocity_limit, draw[2] * _FASTEST)
         y = y.reshape(-1, y.shape[-1])
         norms = np.linalg.norm(y, axis=0)
         if not norms.max() > 0:
@@ -65,7 +67,7 @@ class BaseParameters:
         columns = _first_independent(y / norms.max())
         scale = norms[columns]
         mapping = np.linalg.lstsq(y[:, columns] / scale, y, rcond=None)[0] / scale[:, None]
-        mapping[np.abs(mapping) < 1e-10] = 0.0
+        mapping[np.abs(mapping) < _ROUNDING] = 0.0
         mapping[:, columns] = np.eye(len(columns))
         values = mapping @ arm.inertial_parameters.ravel()
         subspace = np.linalg.cholesky(mapping @ mapping.T)
@@ -117,14 +119,14 @@ class RigidBody:
         """
         from sidegan.kernels import dynamics, regressor
 
-        q, *_ = checked = self.checked(*states)
+        checked = self.checked(*states)
         motion = _packed([x.reshape(1, -1, self.joints) for x in checked])
         count, of_links = motion.shape[-1], regressor.columns_of_links(columns, self.joints)
         y = np.zeros((len(columns), self.joints * (count + dynamics.LANES)))
         buffers = dynamics.dynamics_buffers(self.chain)
         span = regressor.base_rows(self.chain, motion, (0, 0, count), of_links, buffers, y)
         whole = y[:, : self.joints * span].reshape(len(columns), self.joints, span)
-        return whole[:, :, :count].transpose(2, 1, 0).reshape(*q.shape, len(columns))
+        return whole[:, :, :count].transpose(2, 1, 0).reshape(*checked[0].shape, len(columns))
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm."""
@@ -177,6 +179,8 @@ class RigidBody:
         from sidegan.kernels import dynamics, information, regressor
 
         states = self.checked(q, dq, ddq)
+        if states[0].ndim != 3:
+            raise ShapeError(f"position is {states[0].shape}, expected (B, T, {self.joints})")
         (batch, count, joints), size = states[0].shape, self.parameters_count
         of_links = regressor.columns_of_links(self.base.columns, joints)
         rigid = information.no_terms(joints)
@@ -208,7 +212,7 @@ class RigidBody:
 def gram(
     body: RigidBody, trajectory: Trajectory, c: Array, samples: int = 80, certainty: Array | None = None
 ) -> Array:
-    """Gram matrices of trajectories at centres of cells, (B, p, p), as ``RigidBody.grams``.
+    """Gram matrices of trajectories, (B, p, p), as of ``RigidBody.grams``, from samples spread over a period.
 
     Takes about 150 MB in addition to the result, whatever the number of trajectories, samples and joints.
     """

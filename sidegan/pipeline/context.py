@@ -77,13 +77,17 @@ class RunContext:
         return replace(self, cfg=replace(self.cfg, stages=[], **changes))
 
     def with_changes(self, *changes: str) -> "RunContext":
-        """A copy with other overrides of the command, such as condition=published or gan.eigen.epochs=9."""
+        """A copy with other overrides of the command, such as condition=published or gan.eigen.epochs=9.
+
+        A change replaces earlier overrides of its key; that of a group also replaces its name, as
+        robot=planar2 does with robot.name=arm.urdf.
+        """
         words = list(self.overrides)
         for change in changes:
             key = change.partition("=")[0]
-            added = any(word.startswith(f"+{key}=") for word in words)  # no group of the experiment
-            dropped = {key, f"{key}.name"}
-            words = [word for word in words if word.partition("=")[0].lstrip("+") not in dropped]
+            added = any(word.startswith(f"+{key}=") for word in words)  # to an experiment without this group
+            replaced = {key, f"{key}.name"}
+            words = [word for word in words if word.partition("=")[0].lstrip("+") not in replaced]
             words.append(f"+{change}" if added else change)
         return replace(self, cfg=composed(*words))
 
@@ -109,8 +113,9 @@ class RunContext:
     ) -> Artifact:
         """An artifact that depends on the arm in its workspace, the trajectory family, and ``settings``.
 
-        ``training`` is that of a variant. The title is by default maker, label and, among several, training;
-        the size of a subset is added.
+        Arguments are those of ``Artifact``; ``training`` is the number of one of a variant's trainings. The
+        title is by default maker and label, with the training's number if the run has several; the size of
+        a subset is added.
         """
         values = settings if isinstance(settings, Mapping) else asdict(settings)
         arm = self.cell.arm

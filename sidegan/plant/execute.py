@@ -25,7 +25,7 @@ _AT_THE_LIMIT = 0.999  # of the torque limit
 
 
 class Executed(NamedTuple):
-    """Recorded signals: time (T,) [s]; position, velocity, torque (T, J) [rad, rad/s, N·m]."""
+    """Recorded signals: time (T,) [s]; position, velocity, torque (T, J) [rad or m, per s, N·m or N]."""
 
     time: Array
     position: Array
@@ -74,7 +74,7 @@ class Plant:
         return mujoco_model(self.arm, self.settings, *self.gains)
 
     def execute(self, motion: Motion, seed: int | np.random.SeedSequence, noise: float) -> Executed:
-        """Signals as of ``follow``, with Gaussian torque noise of this standard deviation [N·m]."""
+        """What ``follow`` returns, with Gaussian torque noise of this standard deviation [N·m or N]."""
         true = self.follow(motion)
         draw = np.random.default_rng(seed).standard_normal(true.torque.shape)
         return true._replace(torque=true.torque + noise * draw)
@@ -113,12 +113,14 @@ class Plant:
         ahead = np.concatenate([reference.velocity[1:], reference.velocity[-1:]])
         feed = damping * ahead + self.settings.feed_forward * rigid
         target = reference.position + feed / stiffness
-        start = np.concatenate([[0.0], reference.position[0], reference.velocity[0]])  # from time zero
+        # MuJoCo's state is time, positions and velocities
+        start = np.concatenate([[0.0], reference.position[0], reference.velocity[0]])
         warm = np.zeros(self.model.nv)  # results must not depend on what was simulated before
         with mujoco_logged(self.arm.name):
             data = MjData(self.model)
             states, _ = rollout.rollout(self.model, data, start, target[None], initial_warmstart=warm)
-        position, velocity = np.split(np.concatenate([start[None], states[0]])[:, 1:], 2, axis=1)
+        without_time = np.concatenate([start[None], states[0]])[:, 1:]
+        position, velocity = np.split(without_time, 2, axis=1)
         spring = stiffness * (target - position[:-1])
         limit = self.arm.torque_limit
         demand = spring - damping * velocity[:-1]

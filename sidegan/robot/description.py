@@ -89,16 +89,18 @@ def read_description(
     own_home = _home_among(postures, [*moved])
     around = own_home if home is None else home
     middle = dict(zip(moved, around)) if around is not None and len(around) == len(moved) else {}
-    acting = {what: [joint for joint in moved if joint in on] for what, on in source.passive.items()}
     limits, assumed = limits_of(tree, moving, setup.limits, middle, planning)
     for pair in setup.may_touch or ():
         for link in pair:
             tree.require_link(link)
         may_touch += ((*pair, "robot.may_touch"),)
     missing = dict(source.missing if planning else {})
-    own = {x for link in moved.values() for joint in tree.path(link) for x in (joint.parent, joint.child)}
+    path_joints = tree.path(moving[-1].child)
+    on_chain = {joint.parent for joint in path_joints} | {joint.child for joint in path_joints}
     for link, element in links.items():
-        if link not in own and moving[-1] not in tree.path(link):  # nor behind the last joint
+        # Surroundings, such as a fixed table, may have several shapes in one geometry, but no link of the arm
+        # and nothing that it carries.
+        if link not in on_chain and moving[-1] not in tree.path(link):
             _separate(element)
         if absent := _prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
             missing[link] = absent
@@ -107,9 +109,10 @@ def read_description(
         hang(root, tree.root, mount)
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
     if source.gravity is not None and not any(source.gravity):
-        turned = setting_name("robot.mount")
-        notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed ({turned})")
+        how = setting_name("robot.mount")
+        notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed ({how})")
     shaped = {link for link, element in links.items() if element.find("collision") is not None}
+    acting = {what: [joint for joint in moved if joint in on] for what, on in source.passive.items()}
     return Description(
         name=robot,
         path=path,

@@ -71,8 +71,9 @@ def load_robot(
     stated = {} if drives is None else vars(drives)
     shapes, refused = collision_shapes(model, description, length_of(numbers))
     capsules = capsules_of(shapes)
+    # what the validity of trajectories depends on beyond numbers and capsules
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
-    if setup.may_touch:  # which changes what trajectories are valid
+    if setup.may_touch:
         stamped += sorted({" ".join(sorted(pair)) for *pair, _ in description.may_touch})
     stamped += [] if capsules.exact.all() else [f"shapes {VERSION}"]
     _warn(description, refused, setup)

@@ -49,8 +49,9 @@ class Gradient(Optimiser):
 class ConditionProblem:
     """A trajectory as a pygmo problem: log fitness, and a violation, positive if violated, per constraint.
 
-    The decision vector is all a, then all b, relative to their box, (2 · J · H,), each in [−1, 1]. The search
-    moves along its elements in order, so that more of the a end on the box.
+    The decision vector is all a, then all b, relative to their box, (2 · J · H,), each in [−1, 1]. The
+    compass search changes one element after another in this order, so that coefficients a end at a bound of
+    the box more often than b.
     """
 
     def __init__(self, problem: Problem, box: float) -> None:

@@ -10,7 +10,7 @@ from tests.identification.recordings import model_of, recorded, truth_of
 
 
 def least_eigenvalues(links, arm):
-    """Of pseudo-inertias in units of each link's typical mass and length, (J,)."""
+    """Least eigenvalue of each link's pseudo-inertia in units of its typical mass and length, (J,)."""
     mass, length = scales(arm)
     unit = np.sqrt(mass)[:, None] * np.stack([length, length, length, np.ones_like(length)], 1)
     return np.linalg.eigvalsh(pseudo_inertia(links) / unit[:, None] / unit[:, :, None])[:, 0]
@@ -42,7 +42,7 @@ class TestFit:
         shares, ratios = [], []
         for seed in range(3):
             random = np.random.default_rng(seed)
-            factors = random.uniform(0.7, 1.3, (7, 1))
+            factors = random.uniform(0.7, 1.3, (arm.joints, 1))
             other = model_of(replace(arm, inertial_parameters=factors * arm.inertial_parameters))
             data = recorded(other, 400, noise=0.3, seed=seed)
             found, plain = estimate("consistent", model, data), estimate("weighted", model, data)
@@ -62,8 +62,8 @@ class TestFit:
         links = standard.reshape(-1, 10)
         assert (least_eigenvalues(links, planar) > 2e-4).all(), "a bound is active"
         misfit = model.mapping.T @ (information @ model.mapping @ standard - moment)
-        # of tr(P₀⁻¹ P) − log det P along each parameter's own pseudo-inertia
+        # the regularisation's gradient: that of tr(P₀⁻¹ P) − log det P along each parameter of each link
         inverses = np.linalg.inv(pseudo_inertia(np.stack([planar.inertial_parameters, links])))
         pull = strength * np.einsum("jxy,kyx->jk", inverses[0] - inverses[1], pseudo_inertia(np.eye(10)))
-        misfit, pull = np.abs(standard) * [misfit, pull.ravel()]
+        misfit, pull = np.abs(standard) * [misfit, pull.ravel()]  # per relative change of a parameter
         assert np.linalg.norm(misfit + pull) < 0.02 * np.linalg.norm(misfit)

@@ -20,12 +20,12 @@ from sidegan.pipeline.run import ARTIFACTS, make_all
 from sidegan.pipeline.store import Store
 from tests.refusals import refused
 
-PATIENCE = 120  # [s] with processes that others keep from their work
+PATIENCE = 120  # [s] to wait for another process on a busy machine
 
 
 @pytest.fixture(autouse=True)
 def versions(monkeypatch):
-    """A maker of numbers."""
+    """One maker, of numbers."""
     monkeypatch.setattr("sidegan.pipeline.artifact.versions", lambda: {"numbers": 1})
 
 
@@ -126,7 +126,7 @@ def test_a_missing_artifact_is_compared_with_the_nearest_one(store):
             store.require(made)
 
 
-def full(*_):
+def raise_disk_full(*_):
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
@@ -134,7 +134,7 @@ def test_an_unusable_output_folder_is_refused(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     with refused(StorageError, str(tmp_path / "file")):
         Store(tmp_path / "file")
-    monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", raise_disk_full)
     with refused(StorageError, os.strerror(errno.ENOSPC)):
         Store(tmp_path / "full")
     assert list((tmp_path / "full").iterdir()) == []
@@ -145,7 +145,7 @@ def test_a_full_disk_leaves_no_artifact(store, monkeypatch):
     with refused(StorageError, str(store.root / "numbers")):
         store.produce(numbers())
     (store.root / "numbers").unlink()
-    monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", raise_disk_full)
     with refused(StorageError, os.strerror(errno.ENOSPC)):
         store.produce(numbers())
     assert store.find(numbers()) is None
