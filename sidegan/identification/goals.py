@@ -23,7 +23,7 @@ from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.varied import torque_scale
 
-_TOOL, _ARM = 1.0, 0.1  # mass [kg] and lever arm [m] of a typical tool
+_TOOL_MASS, _TOOL_LEVER = 1.0, 0.1  # of a typical tool [kg], [m]
 _DOUBT = 10.0  # prior deviation of a tool's parameters, in units of the typical ones
 _IDENTIFIED = 0.5  # largest ratio of deviations after and before at which a parameter counts as identified
 _UNITS = ("kg", "kg·m", "kg·m²")
@@ -33,9 +33,12 @@ _LEAST = 1e-9  # relative lower bound of prior variance and information: keeps f
 
 
 class Parameters:
-    """D-optimal design for all parameters, or for those of some links and their joints."""
+    """D-optimal design for all parameters, or for those of some links and their joints.
 
-    def __init__(self, model: TorqueModel, unit: Array, links: Sequence[str] | None = None) -> None:
+    ``prior`` has the parameters' prior deviations, (P,), here and in the classes below.
+    """
+
+    def __init__(self, model: TorqueModel, prior: Array, links: Sequence[str] | None = None) -> None:
         arm = model.arm
         places = [arm.link_names[joint_of(name)] for name in model.names]
         if links is not None and (not links or not set(links) <= set(places)):
@@ -47,20 +50,20 @@ class Parameters:
         self._links = links
         self._selected = np.array(selected)
         self.names = tuple(itertools.compress(model.names, selected))
-        self._unit = unit[self._selected]
+        self._prior = prior[self._selected]
         self.goal = Goal("volume", targets=np.eye(model.count)[self._selected])
 
     def deviations(self, known: Array, motion: Array) -> Array:
         """Standard deviation of each parameter, (K,)."""
         variances = np.linalg.inv(known + motion).diagonal()[self._selected]
-        return np.sqrt(np.maximum(variances, 0)) * self._unit
+        return np.sqrt(np.maximum(variances, 0)) * self._prior
 
     def summary(self, deviations: Array, before: Array) -> str:
         """Sentence on how far the deviations fall."""
         share = geometric_mean(deviations / before)
-        whose = "with them" if self._links is None else f"of {', '.join(self._links)}"
+        whose = "" if self._links is None else f" of {', '.join(self._links)}"
         percent = plain(100 * share, ".2g")
-        return f"{whose} the parameters' deviations fall to {percent}% (geometric mean)"
+        return f"with the set the deviations of the parameters{whose} fall to {percent}% (geometric mean)"
 
 
 class Tool:
@@ -70,38 +73,40 @@ class Tool:
     arm's unknown parameters are the same in both. As in ``payload``: [Y 0; Y Y_last] [θ; tool] = τ.
     """
 
-    def __init__(self, model: TorqueModel, unit: Array, identified: bool) -> None:
+    def __init__(self, model: TorqueModel, prior: Array, identified: bool) -> None:
         last = slice(10 * (model.joints - 1), 10 * model.joints)
         self.names = tuple(f"tool {name}" for name in LINK_PARAMETERS)
-        self._typical = _TOOL * _ARM**POWERS
-        columns = model.mapping[:, last] * self._typical
-        self._columns = columns / unit[:, None]  # effect of the tool on the arm's parameters, (P, 10)
+        self._typical = _TOOL_MASS * _TOOL_LEVER**POWERS
+        effect = model.mapping[:, last] * self._typical  # of the tool on the arm's parameters, (P, 10)
+        self._effect = effect / prior[:, None]
         self._runs = 1 if identified else 2
-        self._prior = np.eye(10) / _DOUBT**2
-        self.goal = Goal("tool", targets=columns.T, tool_prior=self._prior, runs=self._runs)
+        self._before = np.eye(10) / _DOUBT**2
+        self.goal = Goal("tool", targets=effect.T, tool_prior=self._before, runs=self._runs)
 
     def deviations(self, known: Array, motion: Array) -> Array:
         """Standard deviation of mass [kg], mass times centre [kg·m] and inertia [kg·m²], (10,)."""
-        tool = motion @ self._columns
+        tool = motion @ self._effect
         solved = np.linalg.solve(known + self._runs * motion, tool)
-        variances = np.linalg.inv(self._columns.T @ tool - tool.T @ solved + self._prior).diagonal()
+        variances = np.linalg.inv(self._effect.T @ tool - tool.T @ solved + self._before).diagonal()
         return np.sqrt(np.maximum(variances, 0)) * self._typical
 
     def summary(self, deviations: Array, before: Array) -> str:
         """Sentence on the errors of mass, mass times centre and inertia, as far as they are identified."""
         found = deviations < _IDENTIFIED * before
+        runs = "" if self._runs == 1 else ", executed with and without it"
+        if not found.any():
+            return f"no parameter of a tool is identified{runs}"
         groups = zip(_UNITS, np.split(deviations, [1, 4]), np.split(found, [1, 4]))
         sizes = [f"± {np.sqrt(np.square(x[ok]).mean()):.2g} {unit}" for unit, x, ok in groups if ok.any()]
         missing = [name.removeprefix("tool ") for name in itertools.compress(self.names, ~found)]
-        runs = "" if self._runs == 1 else ", executed with and without it"
         but = f" except for {', '.join(missing)}" if missing else ""
-        return f"a tool is identified to {', '.join(sizes) or 'nothing'}{but}{runs}"
+        return f"a tool is identified to {', '.join(sizes)}{but}{runs}"
 
 
 class TorquePrediction:
     """Expected squared error of torques within the limits, relative to the joints' usual torques."""
 
-    def __init__(self, model: TorqueModel, unit: Array, usual: Array) -> None:
+    def __init__(self, model: TorqueModel, prior: Array, usual: Array) -> None:
         self.names = model.arm.joint_names
         y = model.regressor(*model.usual_states()) / usual[:, None]
         rows = y.transpose(1, 2, 0)
@@ -109,7 +114,7 @@ class TorquePrediction:
         eigenvalues, vectors = np.linalg.eigh(squares.mean(0))
         kept = eigenvalues > 0
         self.goal = Goal("variance", targets=(vectors[:, kept] * np.sqrt(eigenvalues[kept])).T)
-        self._squares = squares * unit * unit[:, None]
+        self._squares = squares * prior * prior[:, None]
 
     def deviations(self, known: Array, motion: Array) -> Array:
         """Root mean square error of each joint's torque, relative to its usual torque, (J,)."""
@@ -186,7 +191,7 @@ class Uncertain:
         return self.purpose.deviations(self._before, self._motion)
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """Geometric mean of the ratios of deviations after and before the set."""
         return geometric_mean(self.deviations / self.before)
 
@@ -210,13 +215,14 @@ def usual_torque(body: RigidBody) -> Array:
     return torque_scale(body, _FLOOR)
 
 
-def belief(model: TorqueModel, scale: Array) -> Array:
-    """Prior information (P, P): base parameters are described to within the links' typical sizes.
+def belief(model: TorqueModel, usual: Array) -> Array:
+    """Prior information (P, P) from a description alone.
 
-    The deviation of terms is ``scale``, their joint's torque, (J,). Grouped rotor inertias have no prior.
+    Its base parameters are right to within the links' typical sizes, and a term to within its joint's usual
+    torque, (J,). Grouped rotor inertias have no prior.
     """
     rows = model.body.base.mapping * typical(model.arm).ravel()
-    terms = scale[model.extras % model.joints] ** -2.0
+    terms = usual[model.extras % model.joints] ** -2.0
     return scipy.linalg.block_diag(np.linalg.inv(rows @ rows.T), np.diag(terms))
 
 

@@ -63,6 +63,10 @@ def test_deviations_of_a_tool_are_those_of_the_full_least_squares_problem(model,
     deviations = np.sqrt(covariance.diagonal())
     np.testing.assert_allclose(tool.deviations(known, motion), deviations, rtol=1e-6, atol=0)
     assert tool.names[0] == "tool m" and len(tool.names) == 10
+    told = tool.summary(0.9 * deviations, deviations)
+    assert told == "no parameter of a tool is identified" + ", executed with and without it" * (
+        not identified
+    )
 
 
 def test_a_goal_on_links_counts_their_parameters_only(arm, model):
@@ -71,7 +75,7 @@ def test_a_goal_on_links_counts_their_parameters_only(arm, model):
     goal = Parameters(model, unit, ["link_3", "link_7"])
     ours = [k for k, name in enumerate(model.names) if name[-1] in "37"]
     assert goal.names == tuple(model.names[k] for k in ours) and "fv3" in goal.names and "Izz7" in goal.names
-    assert "of link_3, link_7 the parameters' deviations fall to 0.46% " in goal.summary(0.0046, 1.0)
+    assert "deviations of the parameters of link_3, link_7 fall to 0.46% " in goal.summary(0.0046, 1.0)
     covariance = np.linalg.inv(known + motion)[ours][:, ours]
     deviations = np.sqrt(covariance.diagonal()) * unit[ours]
     np.testing.assert_allclose(goal.deviations(known, motion), deviations, rtol=1e-9, atol=0)
@@ -129,11 +133,11 @@ def test_a_follow_up_design_reaches_the_predicted_deviations(planar, problem):
     c = design_set(problem, aim, 1, SEARCH, seed=0)
     assert check(problem.constraints, problem.trajectory, c).valid.all()
     assert value(problem, rest, c[0]) < min(value(problem, rest, x) for x in drawn(problem))
-    assert 0 < aim.left < 0.6
+    assert 0 < aim.remaining < 0.6
     assert (aim.deviations < aim.before).all()
     states = [x[0] for x in problem.trajectory.roll_out(c, problem.trajectory.times(RATE))[1:]]
     after = estimate("weighted", model, [data, measured(model, states, NOISE, 9)])
     np.testing.assert_allclose(aim.before, before.deviation, rtol=1e-6, atol=0)
     np.testing.assert_allclose(aim.deviations, after.deviation, rtol=0.3, atol=0)
     share = np.exp(np.log(after.deviation / before.deviation).mean())
-    assert float(share) == pytest.approx(aim.left, rel=0.15)
+    assert float(share) == pytest.approx(aim.remaining, rel=0.15)

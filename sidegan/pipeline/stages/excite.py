@@ -84,7 +84,7 @@ def _goal(run: RunContext, aim: Uncertain, tracker: Tracker) -> str:
     caption = f"Expected standard deviations; those before are from {of}"
     rows = pd.DataFrame(shown, index=pd.Index(aim.purpose.names, name="quantity"))
     publish(rows, run.store.run_folder / GOAL, caption, tracker)
-    tracker.log_metrics({"excite/left": aim.left})
+    tracker.log_metrics({"excite/left": aim.remaining})
     planned = ", at full speed" if run.cfg.controllers.speed != 1 else ""
     return f"{aim.purpose.summary(aim.deviations, aim.before)}{planned}, given {of}"
 
