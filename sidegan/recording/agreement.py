@@ -110,7 +110,8 @@ class Agreement(NamedTuple):
             )
         reversed_ = self.sign < -thresholds.CLEARLY_CORRELATED  # these are the arm's torques, too
         fitting = (self.sign > thresholds.CORRELATED) | reversed_
-        if self.needed.any() and thresholds.STRANGE_ARM * fitting.sum() <= len(self.sign):
+        told = int((self.sign != 0).sum())  # joints whose links do more than rotors, unlike a gantry's
+        if told and thresholds.STRANGE_ARM * fitting.sum() <= told:
             found.append(
                 "hardly any torque matches the description: is this the right arm, and its joint order?"
             )
