@@ -23,6 +23,7 @@ from sidegan.recording.misfit import (
     other_columns,
     share_left,
     subset,
+    told_by,
     unexplained,
 )
 from sidegan.recording.recording import Segment
@@ -247,7 +248,7 @@ def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
     """
     own = np.arange(model.shape[1])
     basis = friction_basis(v, a)
-    share = share_left(unexplained(basis, model.T[..., None]), unexplained(basis, torque))
+    share = share_left(told_by(basis, model), unexplained(basis, torque))
     found = scipy.optimize.linear_sum_assignment(np.log(share).T)[1]
     other = found != own
     clear = share[found, own] < thresholds.EXPLAINED_BY_MAP * share.diagonal()
