@@ -173,12 +173,12 @@ def contacts_and_drifts(misfit: Misfit) -> list[Finding]:
     """Contacts, and torque sensors that drift: the model's residuals over time."""
     model, arm, texts = misfit.model, misfit.arm, []
     for recording in misfit.found.recordings:
-        time, position, velocity, *_ = (np.concatenate(x) for x in zip(*recording.segments))
+        time, position, velocity, _, torque, _ = (np.concatenate(x) for x in zip(*recording.segments))
         if len(time) < _WINDOWS * _LEAST_IN_WINDOW:
             continue
         parts = pieces(measurements_of([recording]))
         left = np.concatenate([residual_of(model, x, misfit.found.chosen.parameters) for x in parts])
-        begin, end, sizes, far = _contact(time, velocity, left)
+        begin, end, sizes, far = _contact(time, velocity, torque, left)
         if far.any():
             texts.append(
                 f"from {begin:.3g} s to {end:.3g} s of {recording.name} the residual of {arm.named(far)} is "
@@ -194,16 +194,20 @@ def contacts_and_drifts(misfit: Misfit) -> list[Finding]:
     return [Finding(USABLE, text) for text in texts]
 
 
-def _contact(time: Array, velocity: Array, residual: Array) -> tuple[float, float, Array, Array]:
+def _contact(
+    time: Array, velocity: Array, torque: Array, residual: Array
+) -> tuple[float, float, Array, Array]:
     """Times of the part whose residuals, (S, J), are largest, how large, and which are far too large, (J,).
 
     Relative to those of the median part, and to the velocity: a model's own errors grow with the motion.
+    Where torques have hardly any noise, as simulated ones, their size counts, too.
     """
     sizes, speeds = (_relative(x) for x in (residual, velocity))
     excess = sizes / np.maximum(speeds, 1.0)
     worst = int(excess.max(1).argmax())
     begin, end = np.array_split(time, _WINDOWS)[worst][[0, -1]]
-    return begin, end, sizes[worst], excess[worst] > thresholds.CONTACT
+    felt = np.square(np.array_split(residual, _WINDOWS)[worst]).mean(0) > thresholds.FELT * torque.var(0)
+    return begin, end, sizes[worst], felt & (excess[worst] > thresholds.CONTACT)
 
 
 def _drift(time: Array, position: Array, residual: Array) -> Array:

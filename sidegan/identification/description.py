@@ -8,7 +8,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.settings_text import setting_name
 from sidegan.identification import thresholds
 from sidegan.identification.estimate import nmse_text, score
-from sidegan.identification.fit import best_combination, least_residual
+from sidegan.identification.fit import best_combination
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.misfit import Misfit
 from sidegan.identification.sums import scaled_inverse
@@ -144,9 +144,8 @@ def _alone(misfit: Misfit, fixed: Array, columns: Array) -> tuple[Array, Array, 
     Its weights (K + terms), their deviations and the mean nMSE; None unless it predicts as well as the model.
     """
     model, quality, found = misfit.model, misfit.quality, misfit.found
-    certainty = np.minimum(found.chosen.certainty, 1 / least_residual(found.chosen.sums))
     free = np.concatenate([columns, np.eye(model.count)[:, model.rigid :]], 1)
-    parameters, weights, covariance = best_combination(found.chosen.sums, certainty, fixed, free)
+    parameters, weights, covariance = best_combination(found.chosen.sums, found.chosen.certainty, fixed, free)
     errors = score(model, parameters, measurements_of(found.validation or found.training))
     if not quality.as_good(errors):
         return None

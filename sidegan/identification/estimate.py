@@ -14,6 +14,7 @@ from sidegan.identification.fit import (
     Gathered,
     covariance_of,
     gather,
+    least_residual,
     least_squares,
     torque_errors,
     weighted_least_squares,
@@ -55,9 +56,9 @@ class Estimate:
 
     @property
     def certainty(self) -> Array:
-        """Inverse standard deviation of an independent sample's torque, (J,)."""
+        """Inverse standard deviation of an independent sample's torque, (J,); finite without noise, too."""
         residual = np.sqrt(self.sums.squares(self.parameters) / self.sums.weight)
-        return 1 / (residual * np.sqrt(self.inflation))
+        return 1 / (np.maximum(residual, least_residual(self.sums)) * np.sqrt(self.inflation))
 
 
 def estimate(

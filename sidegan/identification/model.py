@@ -171,8 +171,14 @@ class TorqueModel:
         rigid = self.body.base_regressor(q, dq, ddq).reshape(-1, len(base.values))
         signals = [x[..., None] * np.eye(joints) for x in self.terms.signals(dq, ddq)]
         extra = np.concatenate(signals, 2).reshape(len(rigid), -1)
-        y = np.concatenate([rigid, extra], 1)
-        new = np.abs(np.diag(np.linalg.qr(y / np.linalg.norm(y, axis=0))[1]))[rigid.shape[1] :]
+        directions = np.linalg.qr(rigid / np.linalg.norm(rigid, axis=0))[0]
+        new = np.zeros(extra.shape[1])  # share of each column that those before it lack
+        for k, column in enumerate(extra.T / np.linalg.norm(extra, axis=0)[:, None]):
+            for _ in range(2):  # Gram-Schmidt, twice
+                column = column - directions @ (directions.T @ column)
+            new[k] = np.linalg.norm(column)
+            if new[k] > _DEPENDENT:  # what a dependent one has left may be all of a later one
+                directions = np.column_stack([directions, column / new[k]])
         kept = np.flatnonzero(new > _DEPENDENT)
         basis = np.concatenate([rigid, extra[:, kept]], 1)
         norms = np.linalg.norm(basis, axis=0)

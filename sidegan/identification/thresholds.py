@@ -39,6 +39,7 @@ NOTABLE_ZERO = 0.05  # [rad or m] 3°: smaller ones are mounting tolerances that
 NOTABLE_MASS = 0.02  # share of the arm's mass, of a load or a link
 WHOLE_RATIO = 0.05  # difference from ±1 of a ratio between coupled joints that is taken for it
 CONTACT = 4.0  # residual of a twelfth of a recording over the median twelfth's
+FELT = 1e-6  # its mean square over the torque's variance: a thousandth of the torque or less is no contact
 DRIFT = 0.7  # share of a residual's variance that a straight line in time explains
 LIKE_DRIFT = 0.5  # share of time that positions explain, from which errors of the model look like drift
 

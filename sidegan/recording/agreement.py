@@ -23,6 +23,7 @@ from sidegan.recording.misfit import (
     other_columns,
     share_left,
     subset,
+    told_by,
     unexplained,
 )
 from sidegan.recording.recording import Segment
@@ -110,7 +111,8 @@ class Agreement(NamedTuple):
             )
         reversed_ = self.sign < -thresholds.CLEARLY_CORRELATED  # these are the arm's torques, too
         fitting = (self.sign > thresholds.CORRELATED) | reversed_
-        if self.needed.any() and thresholds.STRANGE_ARM * fitting.sum() <= len(self.sign):
+        told = int((self.sign != 0).sum())  # joints whose links do more than rotors, unlike a gantry's
+        if told and thresholds.STRANGE_ARM * fitting.sum() <= told:
             found.append(
                 "hardly any torque matches the description: is this the right arm, and its joint order?"
             )
@@ -246,7 +248,7 @@ def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
     """
     own = np.arange(model.shape[1])
     basis = friction_basis(v, a)
-    share = share_left(unexplained(basis, model.T[..., None]), unexplained(basis, torque))
+    share = share_left(told_by(basis, model), unexplained(basis, torque))
     found = scipy.optimize.linear_sum_assignment(np.log(share).T)[1]
     other = found != own
     clear = share[found, own] < thresholds.EXPLAINED_BY_MAP * share.diagonal()

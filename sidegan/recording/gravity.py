@@ -12,7 +12,7 @@ from sidegan.base.arrays import Array, geometric_mean
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import thresholds
 from sidegan.recording.misfit import friction_basis, halves_of, unexplained
-from sidegan.recording.thresholds import NEGLIGIBLE
+from sidegan.recording.thresholds import NEGLIGIBLE, ROUNDING
 
 _ROUNDS = 10  # of fitting scales and gravity alternately
 _FIRST, _LAST = 0.05, 1e-3  # [rad] steps of the search for a tilt
@@ -56,7 +56,7 @@ class _Torques:
         """Joint scales with a gravity [m/s²], (3,)."""
         model = self.inertial + self.static @ gravity
         products, squares = (model * self.measured).sum(0), np.square(model).sum(0)
-        seen = np.sqrt(squares) > 1e-9 * np.maximum(self.size, NEGLIGIBLE)
+        seen = np.sqrt(squares) > ROUNDING * np.maximum(self.size, NEGLIGIBLE)
         scale = np.where(seen, products / np.maximum(squares, NEGLIGIBLE**2), 0.0)
         cosine = np.where(seen, products / np.maximum(np.sqrt(squares), NEGLIGIBLE) * self.weight, 0.0)
         return Load(gravity, scale, cosine, np.maximum(1 - np.square(cosine), 0.0))

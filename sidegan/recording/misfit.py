@@ -7,7 +7,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.recording import SIGN_WIDTH
-from sidegan.recording.thresholds import NEGLIGIBLE
+from sidegan.recording.thresholds import NEGLIGIBLE, ROUNDING
 
 
 def subset(signals: Sequence[Array], most: int) -> list[Array]:
@@ -38,6 +38,13 @@ def unexplained(basis: Array, torques: Array) -> Array:
     return torques - basis @ (basis.mT @ torques)
 
 
+def told_by(basis: Array, described: Array) -> Array:
+    """Described torques (S, J) without what a basis explains, (J, S, 1); zero if that is all but rounding."""
+    rest = unexplained(basis, described.T[..., None])
+    size = np.linalg.norm(described, axis=0)
+    return rest * (np.linalg.norm(rest, axis=1) > ROUNDING * size[:, None])[:, None]
+
+
 def share_left(described: Array, measured: Array) -> Array:
     """Share of torques (J, S, K) that described ones, (J, S, 1), leave when scaled to fit, (J, K)."""
     size = np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1)
@@ -58,7 +65,7 @@ def misfit_by_order(body: RigidBody, *signals: Array) -> Callable[[list[int]], f
 
     def misfit(order: list[int]) -> float:
         model = body.torque(*(x[:, order] for x in motion))
-        described = unexplained(basis[order], model.T[..., None])
+        described = told_by(basis[order], model)
         return float(np.log(share_left(described, measured[order])).sum())
 
     return misfit

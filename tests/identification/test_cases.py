@@ -11,10 +11,12 @@ import yaml
 from sidegan.identification.description import implausible_links, implausible_mass
 from sidegan.identification.verdict import BAD, GOOD, USABLE
 from sidegan.motion.dynamics import RigidBody
+from sidegan.recording.check import check_recording
+from sidegan.recording.recording import Recording
 from sidegan.recording.units import Counts
 from sidegan.report.identification.content import advice, facts
 from sidegan.robot import Setup, load_robot
-from tests.identification.recordings import COULOMB, VISCOUS, checked, identified
+from tests.identification.recordings import COULOMB, VISCOUS, checked, identified, multisine
 from tests.recording.conftest import of_file
 
 SIZE = 9.81
@@ -345,6 +347,15 @@ def test_a_load_held_for_a_while_is_named_with_its_time():
     said = re.match(r"from (\S+) s to (\S+) s of changed .* \+(\S+) ± .* kg on link_7", first_reason(result))
     np.testing.assert_allclose([float(x) for x in said.groups()], [4.0, 9.0, 2.0], rtol=0.2)
     assert result.quality.verdict != GOOD
+
+
+def test_what_the_filter_leaves_of_exact_torques_is_no_contact(planar):
+    """It is largest where a recording begins and ends."""
+    q, v, a = multisine(2, 2000, seed=1)
+    torque = RigidBody(planar).torque(q, v, a) + 0.8 * v + 0.5 * np.tanh(v / 0.01)
+    exact = Recording("exact", planar.joint_names, np.arange(2000) / 100, q, v, a, torque=torque)
+    quality = identified(planar, [check_recording(exact, planar, of_file())], strength=1.0).quality
+    assert quality.verdict == USABLE and "did the arm touch" not in " ".join(quality.reasons)
 
 
 def test_joints_before_one_without_a_torque_are_identified_alone():

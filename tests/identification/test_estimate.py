@@ -95,6 +95,14 @@ class TestStatedDeviations:
         assert np.std(found) == pytest.approx(1.0, abs=error)
 
 
+def test_exact_torques_are_as_certain_as_sums_resolve_them():
+    """To a millionth: what is left of their squares is rounding, or nothing at all."""
+    y, _ = ROWS
+    found = fitted("ols", y, y @ np.ones(6))
+    usual = np.sqrt(np.square(y @ np.ones(6)).mean(0))
+    np.testing.assert_allclose(found.certainty * np.sqrt(found.inflation), 1e6 / usual, rtol=1e-9)
+
+
 class TestCorrelation:
     @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
     def test_is_that_of_an_autoregressive_process(self, phi):

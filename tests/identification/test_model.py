@@ -68,6 +68,14 @@ class TestGroupings:
         apart = tilted.torque(tilted.mapping @ full, *states) - states[2]
         assert np.abs(apart).max() < 5 * max(tilt, 1e-9) * 5.0
 
+    def test_the_offset_of_a_rail_is_kept_where_its_rotor_acts_like_the_mass_on_it(self, planar):
+        """All but its weight along the rail, of a rounded right angle, which is as constant as the offset."""
+        down = planar.rotation[0].T @ planar.gravity / np.linalg.norm(planar.gravity)
+        axis = np.cross(down, planar.axis[0]) + 4e-6 * down
+        rail = replace(planar, prismatic=np.array([True, False]), axis=np.stack([axis, planar.axis[1]]))
+        names = model_of(rail).names
+        assert "Ia1" not in names and "fo1" in names
+
     def test_formulas_add_up_to_the_parameters(self, arm):
         model = model_of(arm)
         full = np.random.default_rng(1).uniform(1, 2, len(model.standard_names))

@@ -278,6 +278,13 @@ def test_a_model_of_rigid_bodies_alone_is_identified(planar):
     assert not any(x.any() for x in vars(found.drives("viscous", "coulomb")).values())  # as files have them
 
 
+def test_a_gantry_agrees_with_its_description(planar):
+    """Its links act like rotors and offsets, so that torques say nothing of the description."""
+    gantry = replace(planar, prismatic=np.array([True, True]), axis=np.eye(3)[:2])
+    parts = [checked(gantry, seed) for seed in (0, 1)]
+    assert identified(gantry, parts[:1], parts[1:]).quality.verdict == GOOD
+
+
 def test_links_without_a_mass_are_no_load_that_differs(planar):
     """A description without inertias says nothing that could differ."""
     empty = replace(planar, inertial_parameters=0 * planar.inertial_parameters)

@@ -16,6 +16,7 @@ from sidegan.recording.agreement import to_reverse
 from sidegan.recording.checked import hold_out
 from sidegan.recording.delay import Delay, delay_of, pool_delays
 from sidegan.recording.gravity import load_of
+from sidegan.recording.misfit import misfit
 from sidegan.recording.read import read_and_check
 from sidegan.recording.recording import Recording
 from sidegan.robot import Limits, Setup, load_robot
@@ -239,6 +240,15 @@ def test_gravity_and_torque_scales_are_recovered_in_any_unit(arm, seed):
 def test_torques_to_the_last_digit_as_described_have_the_described_gravity():
     motion, body = states(np.arange(60) / 50), RigidBody(PLANAR)
     np.testing.assert_array_equal(load_of(body, *motion, body.torque(*motion)).gravity, PLANAR.gravity)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 4e-6], ids=["exact", "a right angle of four digits"])
+def test_a_description_that_rotors_and_friction_make_up_for_says_nothing(planar, tilt):
+    """That of a gantry: what is left of its torques is rounding, in which other positions could be found."""
+    axes = np.array([[1, 0, 0], [tilt, 1, tilt]])
+    gantry = RigidBody(replace(planar, prismatic=np.array([True, True]), axis=axes))
+    motion, random = states(np.arange(500) / 50), np.random.default_rng(0)
+    assert misfit(gantry, *motion, random.standard_normal(motion[0].shape)) == 0
 
 
 def test_a_load_that_is_to_be_identified_is_no_contradiction(planar, recording, tmp_path):
