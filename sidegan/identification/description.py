@@ -144,7 +144,7 @@ def _alone(misfit: Misfit, fixed: Array, columns: Array) -> tuple[Array, Array, 
     Its weights (K + terms), their deviations and the mean nMSE; None unless it predicts as well as the model.
     """
     model, quality, found = misfit.model, misfit.quality, misfit.found
-    free = np.concatenate([columns, np.eye(model.count)[:, model.rigid :]], 1)
+    free = np.concatenate([columns, model.terms_mapping], 1)
     parameters, weights, covariance = best_combination(found.chosen.sums, found.chosen.certainty, fixed, free)
     errors = score(model, parameters, measurements_of(found.validation or found.training))
     if not quality.as_good(errors):

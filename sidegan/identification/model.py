@@ -117,6 +117,11 @@ class TorqueModel:
         """Parameters from the arm's description, without friction and rotor inertia, (P,)."""
         return self.mapping[:, : 10 * self.joints] @ self.arm.inertial_parameters.ravel()
 
+    @property
+    def terms_mapping(self) -> Array:
+        """Maps terms and effects to the model's parameters, grouped ones too, (P, F − 10 J)."""
+        return self.mapping[:, 10 * self.joints :]
+
     def links_of(self, standard: Array) -> Array:
         """The links' inertial parameters, (J, 10), from standard parameters (F,)."""
         return standard[: 10 * self.joints].reshape(-1, 10)

@@ -133,8 +133,7 @@ def assess(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) 
     share = np.sqrt(np.square(y).mean(0)) / usual[:, None]  # effect of a unit of each parameter, (J, P)
     effect = share.max(0) * estimate.deviation
     weak = [i for i in (-effect).argsort().tolist() if effect[i] > thresholds.WEAK]
-    terms = np.eye(model.count)[:, model.rigid :]
-    nominal, *_ = best_combination(estimate.sums, estimate.weights, model.nominal, terms)
+    nominal, *_ = best_combination(estimate.sums, estimate.weights, model.nominal, model.terms_mapping)
     return {
         "nominal_score": score(model, nominal, samples),
         "torque_deviation": np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual,

@@ -11,7 +11,7 @@ from sidegan.identification import EstimationSettings, Terms, estimate, threshol
 from sidegan.identification.estimate import Score, score
 from sidegan.identification.identified import CONSISTENT, measurements_of
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding
-from sidegan.identification.workflow import cross_validate, identify_arm, recommended_method
+from sidegan.identification.workflow import assess, cross_validate, identify_arm, recommended_method
 from sidegan.report.identification import Origin, write_results
 from sidegan.report.identification.content import advice
 from tests.identification.recordings import (
@@ -247,6 +247,14 @@ def test_the_weighted_model_is_used_if_it_predicts_better(planar, tmp_path):
     np.testing.assert_allclose(python_class(tmp_path).torque(*states), torque, rtol=0, atol=1e-9)  # N·m
     assert "Method: weighted" in (tmp_path / "arm.h").read_text()
     mujoco.MjModel.from_xml_path(str(tmp_path / "planar2.xml"))  # of the consistent one: it exists
+
+
+def test_a_description_is_compared_with_all_rotors_fitted(good):
+    """That of the first joint, too, which is a part of another parameter."""
+    model, *_ = good
+    data = recorded(model, 1000)
+    assert "Ia1" not in model.names
+    assert assess(model, estimate("weighted", model, data), [data])["nominal_score"].nmse.max() < 1e-9
 
 
 @pytest.mark.parametrize("kinds", [("viscous",), ("viscous", "coulomb")])
