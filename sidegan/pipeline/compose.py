@@ -12,7 +12,7 @@ from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from sidegan.base.conf import CONF
+from sidegan.base.conf import CONF, options
 from sidegan.base.names import folder_name
 from sidegan.errors import ConfigError
 
@@ -90,7 +90,7 @@ def _unknown(key: str, inner: str, parent: Any) -> str:
     ]
     near = f"; did you mean {' or '.join(below)}?" if below else did_you_mean(Config, place).replace(".*", "")
     if name in siblings:
-        others = f"or of another {group[0]}=…" if group else "choose one by +experiment=…"
+        others = f"or of another {group[0]}=…" if group and options(group[0]) else "choose one by +experiment=…"
         return f"{inner}: this is a setting of other experiments, {others}"
     if inner != key and siblings:
         known = ", ".join(siblings)

@@ -119,7 +119,7 @@ class Absent:
 
     def _refuse(self, *arguments: Any) -> Any:
         raise ConfigError(
-            f"there are no settings {self.group}: choose some, {self.group}=…, or an experiment that has them"
+            f"there are no settings {self.group}: add some, +{self.group}=…, or choose an experiment that has them"
         )
 
     def __getattr__(self, name: str) -> Any:

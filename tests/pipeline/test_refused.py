@@ -71,6 +71,7 @@ SETTINGS = [  # of which experiment, what is set, and what the message names
     ("excite", "known=FOLDER", "known FOLDER +experiment=identify FOLDER/parameters.json"),
     ("excite", "goal.objective=[hand]", "goal.objective hand upper_arm, forearm goal.objective=parameters"),
     ("identify", "+workspace=free", "workspace trajectory"),
+    ("identify", "stages=[seeds]", "+seeds=…"),
     ("identify", "stages=[identify]", "recordings 'recordings=[a.csv,b.csv]'"),
     ("identify", "robot=unnamed recordings=[FOLDER/a.csv]", "robot.name= robot=kuka_lwr4"),
     ("identify", "robot=unnamed stages=[check]", "robot.name= robot=kuka_lwr4"),
@@ -143,6 +144,7 @@ def test_invalid_experiment_files_are_refused(key, value, about):
         ("gan=eigne", "'gan/eigne'"),
         ("experiment=exp1", "+experiment=exp1"),
         ("recordings=[a.csv]", "recordings: +experiment=…"),
+        ("goal.count=3", "goal.count: +experiment=…"),  # there is no file goal=… to choose
         ("robot.limits={joint_1:1}", "robot.limits: joint_1 position, velocity, file"),
         ("robot={limits:{velocit:{a:1}}}", "robot.limits: velocit robot.limits.velocity?"),
         ("+experiment=exp99", "'experiment/exp99'"),
