@@ -74,18 +74,18 @@ def _command(cfg: DictConfig) -> None:
     job = HydraConfig.get()
     overrides: Any = OmegaConf.to_container(job.overrides.task)
     given: Any = OmegaConf.to_container(cfg)  # as it was given: what leads nowhere is refused later, by name
-    name = run_name(given["experiment"], overrides, given["seed"])
+    name = run_name(given.get("experiment"), overrides, given.get("seed"))
     code = run_job(cfg, Path(job.runtime.output_dir), name, overrides)
     # In a sweep the other jobs go on; the callback leaves with the worst code.
     if code and job.mode == RunMode.RUN:
         sys.exit(code)
 
 
-def run_name(experiment: str, overrides: list[str], seed: Any) -> str:
+def run_name(experiment: Any, overrides: list[str], seed: Any) -> str:
     """Name of a run for people, e.g. ``exp1 gan=eigen seed=1``, from what the command line overrides."""
     words = [override.lstrip("+") for override in overrides]
     named = [word for word in words if word.partition("=")[0].partition(".")[0] not in _UNNAMED]
-    return f"{' '.join([experiment, *named])[:180]} seed={seed}"
+    return f"{' '.join([str(experiment), *named])[:180]} seed={seed}"
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

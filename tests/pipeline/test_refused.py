@@ -145,6 +145,7 @@ def test_invalid_experiment_files_are_refused(key, value, about):
         ("experiment=exp1", "+experiment=exp1"),
         ("recordings=[a.csv]", "recordings: +experiment=…"),
         ("goal.count=3", "goal.count: +experiment=…"),  # there is no file goal=… to choose
+        ("~seed", "seed missing"),
         ("robot.limits={joint_1:1}", "robot.limits: joint_1 position, velocity, file"),
         ("robot={limits:{velocit:{a:1}}}", "robot.limits: velocit robot.limits.velocity?"),
         ("+experiment=exp99", "'experiment/exp99'"),
@@ -160,6 +161,16 @@ def test_a_wrong_command_exits_with_code_2_and_without_traceback(command, capsys
     assert not [name for name in ("error: ", *about.split(" ")) if name not in error], error
     assert "Traceback" not in error and "_base" not in error
     assert not (tmp_path / "outputs" / "seeds").exists()
+
+
+@pytest.mark.parametrize("multirun", [[], ["-m"]])
+def test_an_experiment_that_has_a_number_for_a_name_is_refused(command, capsys, tmp_path, multirun):
+    (tmp_path / "lab" / "experiment").mkdir(parents=True)
+    file = tmp_path / "lab" / "experiment" / "own.yaml"
+    file.write_text("# @package _global_\nexperiment: 7\nstages: [seeds]\n")
+    assert command(*multirun, "--config-dir=lab", "+experiment=own") == 2
+    shown = capsys.readouterr().err
+    assert "experiment is 7" in shown and "Traceback" not in shown
 
 
 @pytest.mark.parametrize(
