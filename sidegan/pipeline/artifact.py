@@ -20,6 +20,7 @@ from sidegan.errors import ArtifactError
 
 # stages of makers that do not have their name
 _STAGES = {"baseline": "random", "short": "long", "sums": "replication"}
+_ALSO = {"gan": ["surrogates", "subsets"], "surrogates": ["subsets"]}  # other stages that make some
 Metrics = Mapping[str, float | Sequence[float | None]]
 
 
@@ -90,6 +91,11 @@ def versions() -> dict[str, int]:
 def stage_of(maker: str) -> str:
     """Name of the stage that a maker belongs to."""
     return _STAGES.get(maker, maker.rpartition("_")[2])  # paper_seeds belongs to seeds
+
+
+def stages_of(maker: str) -> list[str]:
+    """Stages of which at least one makes any artifact of this maker, the usual one first."""
+    return [stage_of(maker), *_ALSO.get(maker, [])]
 
 
 def _brief(value: Any) -> str:
