@@ -256,7 +256,7 @@ class Config:
         sizes = self.discussion.sizes if self.has("discussion") and "subsets" in self.stages else []
         if any(size > seeds for size in sizes):
             yield f"discussion.sizes has {max(sizes)}, expected at most seeds.count = {seeds}"
-        if "gan" in self.stages:
+        if {"surrogates", "gan", "subsets", "variations"} & {*self.stages}:  # they train
             counts = {"seeds.count": seeds, "subset": self.subset, "evaluation": self.evaluation}
             counts["discussion.sizes"] = min(sizes, default=None)
             for name, count in counts.items():

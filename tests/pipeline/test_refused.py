@@ -39,6 +39,7 @@ SETTINGS = [  # of which experiment, what is set, and what the message names
     ("training", "seeds.count=1", "seeds.count 1 two"),
     ("training", "subset=1", "subset 1 two"),
     ("training", "evaluation=1", "evaluation 1 two"),
+    ("generality", "evaluation=1", "evaluation 1 two"),
     ("exp1", "identification.noise.level=0", "identification.noise torque"),
     ("exp1", "plants.sensors.cutoff=300", "plants sensors.cutoff 300 plant.rate=250"),
     ("exp1", "plants.sensors.rate=150", "plants sensors.rate 150 plant.rate=250"),
