@@ -103,6 +103,12 @@ class Artifacts:
         return self.costs(timing(self.run))
 
     @property
+    def valid_seconds(self) -> float:
+        """Time of a generated trajectory that the check finds valid [s]; infinite if none was."""
+        rate = float(self.speed["valid_per_second"])
+        return 1 / rate if rate else math.inf
+
+    @property
     def cfg(self) -> Config:
         """The run's configuration."""
         return self.run.cfg

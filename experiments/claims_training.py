@@ -297,7 +297,7 @@ def _faster(made: Artifacts) -> Judgement:
 
 def _trained_too(made: Artifacts) -> Judgement:
     """Whether a valid generated trajectory takes far less time than a seed; with its training beside."""
-    seed, new = made.seed_seconds, 1 / made.speed["valid_per_second"]
+    seed, new = made.seed_seconds, made.valid_seconds
     count = made.cfg.library.count
     spent = made.training_seconds("eigen", made.cfg.trainings[0]) / count
     text = f"{seconds(new)} with the check, against {seconds(seed)} ({seed / new:,.0f} ×); {seconds(spent)} "

@@ -241,7 +241,7 @@ def _timing(artifacts: Artifacts) -> pd.DataFrame:
         "surrogates": ("the surrogates, CPU", artifacts.costs(surrogate_networks(run))["cpu_seconds"]),
         "training": ("one training, CPU", float(np.mean(trainings))),
         "generation": ("one generated trajectory", speed["generation_seconds"]),
-        "checked": ("one valid trajectory, checked", 1 / speed["valid_per_second"]),
+        "checked": ("one valid trajectory, checked", artifacts.valid_seconds),
     }
     frame = pd.DataFrame.from_dict(rows, orient="index", columns=["what", "ours"])
     frame["paper"] = pd.Series(PAPER["seconds"], dtype=float)

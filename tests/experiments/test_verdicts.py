@@ -6,6 +6,7 @@ import pytest
 from scipy import stats
 
 from experiments import generality, verdicts
+from experiments.artifacts import Artifacts
 from experiments.claims_training import CRITERIA, other_bases
 from experiments.training import LATE
 from experiments.verdicts import (
@@ -128,6 +129,14 @@ def test_epochs_that_a_training_did_not_reach_are_not_measured(epochs, early, la
     assert "99.9% of held-out seeds and rejects 99.5%" in found["predictor"].ours
     made.surrogates["accepted"] = 0.003
     assert CRITERIA["predictor"](made).verdict == NOT
+
+
+@pytest.mark.parametrize(("rate", "verdict"), [(1000.0, HOLDS), (0.0, NOT), (np.nan, UNKNOWN)])
+def test_a_generator_of_nothing_valid_is_not_faster(rate, verdict):
+    cfg = SimpleNamespace(library=SimpleNamespace(count=9), trainings=[0])
+    found = {"cfg": cfg, "speed": {"valid_per_second": rate}, "seed_seconds": 1.0}
+    made = type("Planted", (Artifacts,), found | {"training_seconds": lambda *_: 1.0})(None)
+    assert CRITERIA["trained_too"](made).verdict == verdict
 
 
 def test_another_basis_gives_the_same_torques_and_only_a_rotation_the_same_trace(arm):
