@@ -93,12 +93,16 @@ def of_arms(run: RunContext) -> pd.DataFrame | None:
 
 
 def of_others(run: RunContext) -> pd.Series | None:
-    """Published valid shares of an arm's trajectories on another arm; None as in ``of_arms``."""
+    """Published valid shares of an arm's trajectories on another arm.
+
+    None as in ``of_arms``, and where no two arms have as many joints.
+    """
     table = _published("generated for", run)
     if table is None:
         return None
     long = table.melt("generated for", var_name="on").dropna()
-    return long[long["on"] != long["generated for"]].value.astype(float)
+    others = long[long["on"] != long["generated for"]].value.astype(float)
+    return None if others.empty else others
 
 
 def _published(first: str, run: RunContext) -> pd.DataFrame | None:

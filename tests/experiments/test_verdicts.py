@@ -162,6 +162,9 @@ def test_arms_are_judged_by_the_page_on_them(monkeypatch, tmp_path):
         return [CRITERIA[key](made).verdict for key in ("other_arms", "no_transfer")]
 
     assert verdicts_on("a", "paper") == [NOT, HOLDS]
+    alone = others.replace("0.005", "—")  # no two arms with as many joints
+    (tmp_path / "generality.md").write_text(text + alone, encoding="utf-8")
+    assert verdicts_on("a", "paper") == [NOT, UNKNOWN]
     for other in (("b", "paper"), ("c", "paper"), ("a", "tiny")):  # of which the page says nothing
         assert verdicts_on(*other) == [UNKNOWN, UNKNOWN]
     (tmp_path / "generality.md").unlink()
