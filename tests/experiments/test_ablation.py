@@ -1,9 +1,12 @@
+import re
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
 from experiments import ablation
+from experiments.pages import FOLDER
+from sidegan.pipeline.compose import composed
 
 
 @pytest.fixture
@@ -38,6 +41,12 @@ def test_a_row_is_relative_to_the_seeds_and_has_its_cost(found):
     table = ablation.table(found)
     assert table.loc[("fitness 0", "vanilla"), "n"] == 2 and table.index[0] == ("controls", "seeds")
     assert table.loc[("the recipe", "vanilla"), "valid"].startswith("0.9")
+
+
+def test_a_row_can_be_made_shorter_as_the_page_says():
+    text = (FOLDER / "templates" / "ablation.md.j2").read_text(encoding="utf-8")
+    (word,) = re.findall("`'(rows[^`]*)'`", text)
+    assert composed("+experiment=ablation", word).rows["the_recipe"] == ["gan=eigen", "trainings=[0]"]
 
 
 def test_the_front_has_a_panel_for_validity_and_each_coverage(found):
