@@ -126,9 +126,7 @@ def readings(made: Artifacts) -> pd.DataFrame:
             gains = [improvement(part, name, f"seeds ×{k}") for k in replicas]
             kinds[name] = "; ".join(plain(x.improvement.mean(), ".0f") for x in gains)
             kinds[f"{name}, geometric"] = "; ".join(plain(percent(x.gain.mean()), ".0f") for x in gains)
-    paper = {
-        name: [row.get(k, "—").split(" ")[0] for k in replicas] for name, row in PAPER["table2"].items()
-    }
+    paper = {name: [row.get(k, "—").split(" ")[0] for k in replicas] for name, row in PAPER["table2"].items()}
     rows["Paper"] = {name: "; ".join(row) for name, row in paper.items() if name in made.cfg.gan}
     return pd.DataFrame.from_dict(rows, orient="index").fillna("—").rename_axis("noise on")
 

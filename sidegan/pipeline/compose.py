@@ -90,7 +90,9 @@ def _unknown(key: str, inner: str, parent: Any) -> str:
     ]
     near = f"; did you mean {' or '.join(below)}?" if below else did_you_mean(Config, place).replace(".*", "")
     if name in siblings:
-        others = f"or of another {group[0]}=…" if group and options(group[0]) else "choose one by +experiment=…"
+        others = (
+            f"or of another {group[0]}=…" if group and options(group[0]) else "choose one by +experiment=…"
+        )
         return f"{inner}: this is a setting of other experiments, {others}"
     if inner != key and siblings:
         known = ", ".join(siblings)
