@@ -70,7 +70,7 @@ def present(rows: Mapping[str, Artifacts], folder: Path, tracker: Tracker) -> No
     templates = [FOLDER / "templates" / f"{each}.md.j2" for each in (name, "ablation")]
     template = next(
         path for path in templates if path.exists()
-    )  # that of the ablation serves those without one
+    )  # its own, if it has one
     write_page(template, target, {name: shown[name][0]}, figures, **context)
     tracker.log_artifact(target, "report")
 

@@ -77,7 +77,7 @@ class Robot(Setup):
     """The arm: a built-in name or the path of a description, and settings that supplement it."""
 
     name: str
-    gains: list[Number] | None = None  # drive gains, joint torque per motor current [N·m/A]
+    gains: list[Number] | None = None  # of the drives, joint torque per motor current [N·m/A or N/A]
     # share of velocity and torque limits to use; null: 0.8, or 1 if the arm can hardly hold itself
     effort: PositiveShare | None = None
 
@@ -119,7 +119,7 @@ class Absent:
 
     def _refuse(self, *arguments: Any) -> Any:
         raise ConfigError(
-            f"there are no settings {self.group}: add some, +{self.group}=…, or choose an experiment that has them"
+            f"there are no settings {self.group}: add +{self.group}=…, or choose an experiment that has them"
         )
 
     def __getattr__(self, name: str) -> Any:
