@@ -12,7 +12,7 @@ from experiments.artifacts import Artifacts
 from experiments.pages import PAPER, leave
 from experiments.sets import sort_sets, title, weighting
 from experiments.verdicts import REPEAT, TRAINING, interval, of_several, words
-from sidegan.base.names import plain
+from sidegan.base.names import counted, plain
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.replication import CONTROLS, FITTED
 from sidegan.pipeline.tracking import Tracker
@@ -36,7 +36,8 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     config, results = artifacts.cfg, artifacts.whole_errors
     noise = config.replication.noise
     reading = config.replication.readings[0]
-    setting = f"{noise.level:.0%} uniform noise on {READINGS[reading]}, {config.replication.repeats} draws"
+    draws = counted(config.replication.repeats, "draw")
+    setting = f"{noise.level:.0%} uniform noise on {READINGS[reading]}, {draws}"
     shown = {}
     for name, (table, kind) in tables2(results, config).items():
         shown[name] = table, f"Table II: improvement in nMSE [%] (RLS {kind}; {setting})"

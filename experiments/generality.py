@@ -24,7 +24,7 @@ _TRIED = 200  # trajectories of an arm to try on another
 _BASELINES = ("natural", "search-10", "search-160")
 _ARMS = "Generators and baselines; all but valid share and cosine relative to the arm's own seeds"
 _TRANSFER = (
-    f"Share of {_TRIED} trajectories generated for an arm that are valid on others with as many joints"
+    f"Share of up to {_TRIED} trajectories generated for an arm that are valid on others with as many joints"
 )
 VALID, COSINE = "valid", "mean cosine"
 # Of a generator or baseline relative to the seeds of its arm; an error is the inverse of a gain.
