@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import Field
 
-from sidegan.base.conf import offer_defaults
+from sidegan.base.conf import offer_defaults, options
 from sidegan.base.extras import extra
 from sidegan.base.typed import Count, Natural, Number, Positive, PositiveShare, ShareBelowOne, build
 from sidegan.cell import TrajectoryFamily, Workspace
@@ -118,9 +118,8 @@ class Absent:
         self.group = group
 
     def _refuse(self, *arguments: Any) -> Any:
-        raise ConfigError(
-            f"there are no settings {self.group}: add +{self.group}=…, or choose an experiment that has them"
-        )
+        added = f"add +{self.group}=…, or " if options(self.group) else ""
+        raise ConfigError(f"there are no settings {self.group}: {added}choose an experiment that has them")
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -204,7 +203,7 @@ class Config:
     def _groups(self) -> Iterator[str]:
         """Groups that are used together, and one of them is left out."""
         if self.has("workspace") != self.has("trajectory"):
-            yield "workspace and trajectory are used together: choose both of these groups, or neither"
+            yield "workspace and trajectory are used together: choose an experiment that has both, or neither"
 
     def _names(self) -> Iterator[str]:
         """Invalid names, and lists that are empty or name something twice."""

@@ -55,9 +55,7 @@ def test_the_gains_command_finds_the_drive_gains(files, tmp_path):
     assert (error < 5 * np.array(found["deviation"]) + 0.01 * TRUE).all()
 
 
-@pytest.mark.parametrize(
-    ("slides", "unit"), [([0, 0], "N·m/A"), ([1, 1], "N/A"), ([0, 1], "N·m/A or N/A")]
-)
+@pytest.mark.parametrize(("slides", "unit"), [([0, 0], "N·m/A"), ([1, 1], "N/A"), ([0, 1], "N·m/A or N/A")])
 def test_gains_have_the_units_of_their_joints(planar, slides, unit):
     found = Gains(np.array([2.0, 3.0]), np.array([0.1, 0.2]), np.zeros(2, bool))
     table = gains_table(replace(planar, prismatic=np.array(slides, bool)), found)

@@ -72,7 +72,6 @@ SETTINGS = [  # of which experiment, what is set, and what the message names
     ("excite", "known=FOLDER", "known FOLDER +experiment=identify FOLDER/parameters.json"),
     ("excite", "goal.objective=[hand]", "goal.objective hand upper_arm, forearm goal.objective=parameters"),
     ("identify", "+workspace=free", "workspace trajectory"),
-    ("identify", "stages=[seeds]", "+seeds=…"),
     ("identify", "stages=[identify]", "recordings 'recordings=[a.csv,b.csv]'"),
     ("identify", "robot=unnamed recordings=[FOLDER/a.csv]", "robot.name= robot=kuka_lwr4"),
     ("identify", "robot=unnamed stages=[check]", "robot.name= robot=kuka_lwr4"),
@@ -162,6 +161,16 @@ def test_a_wrong_command_exits_with_code_2_and_without_traceback(command, capsys
     assert not [name for name in ("error: ", *about.split(" ")) if name not in error], error
     assert "Traceback" not in error and "_base" not in error
     assert not (tmp_path / "outputs" / "seeds").exists()
+
+
+@pytest.mark.parametrize(
+    ("stage", "group", "added"), [("seeds", "seeds", True), ("excite", "controllers", False)]
+)
+def test_a_group_that_is_not_composed_is_to_be_added_if_it_has_files(tmp_path, stage, group, added):
+    config = tiny.tiny(f"outputs={tmp_path}", f"stages=[{stage}]", experiment="identify")
+    with refused(ConfigError, group) as caught:
+        run_stages(config, tmp_path / "run", "refused")
+    assert (f"+{group}=…" in str(caught.value)) == added
 
 
 @pytest.mark.parametrize("multirun", [[], ["-m"]])
