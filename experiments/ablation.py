@@ -68,9 +68,7 @@ def present(rows: Mapping[str, Artifacts], folder: Path, tracker: Tracker) -> No
     origin = SEEDS_ORIGIN[first.seeds.method]
     context = {"cfg": first, "caption": _CAPTION, "rows": first.rows, "origin": origin}
     templates = [FOLDER / "templates" / f"{each}.md.j2" for each in (name, "ablation")]
-    template = next(
-        path for path in templates if path.exists()
-    )  # its own, if it has one
+    template = next(path for path in templates if path.exists())  # its own, if it has one
     write_page(template, target, {name: shown[name][0]}, figures, **context)
     tracker.log_artifact(target, "report")
 

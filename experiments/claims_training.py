@@ -26,9 +26,9 @@ from experiments.verdicts import (
     above,
     at,
     below,
-    beside,
     by_epoch,
     intervals,
+    lies_below,
     log_odds,
     not_below,
     proportion,
@@ -257,7 +257,7 @@ def _no_transfer(made: Artifacts) -> Judgement:
 def _density_fails(made: Artifacts) -> Judgement:
     share = float(made.density.sort_values("bandwidth").success.iloc[-1])
     measured = proportion(share, made.cfg.discussion.draws)
-    return Judgement(beside(measured, _FAILS), f"{words(measured, '.2%')} valid at Scott's bandwidth")
+    return Judgement(lies_below(measured, _FAILS), f"{words(measured, '.2%')} valid at Scott's bandwidth")
 
 
 def _few_seeds_fail(made: Artifacts) -> Judgement:

@@ -18,7 +18,7 @@ from sidegan.base.names import dotted, folder_name
 from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
 
-# stages of makers that do not have their name
+# stages of makers that have another name
 _STAGES = {"baseline": "random", "short": "long", "sums": "replication"}
 _ALSO = {"gan": ["surrogates", "subsets"], "surrogates": ["subsets"]}  # other stages that make some
 Metrics = Mapping[str, float | Sequence[float | None]]
@@ -30,7 +30,7 @@ class Build:
 
     folder: Path  # for its files; renamed into place when complete
     work: Path  # for files of unfinished tasks (written without making it); survives a kill
-    report: Report  # shows progress
+    report: Report  # to call with the steps that are done, and all of them
     costs: dict[str, Any] = field(default_factory=dict)  # seconds and the like; stored outside the artifact
 
 

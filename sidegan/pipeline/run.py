@@ -64,9 +64,9 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
         if config.has("robot"):
             run.log_decisions()
         names = list[str]()
-        for name, part in stages.items():
-            names.append(name)
-            if part.show is None and name != config.stages[-1]:
+        for title, part in stages.items():
+            names.append(title)
+            if part.show is None and title != config.stages[-1]:
                 continue
             together = ", ".join(names)
             _log.info("%s …", together)

@@ -171,7 +171,7 @@ class Config:
     discussion: Discussion = _group("discussion")
     table: str = _group("table")  # Python module that collects and presents the results
     recordings: list[Recorded] = _group("recordings")  # to identify from: one file each, or one per signal
-    # held-out recordings, or the share of every recording, at its end, that is held out
+    # recordings that are held out, or the share of every recording that is, at its end
     validation: list[Recorded] | ShareBelowOne = _group("validation")
     loaded: list[Recorded] = _group("loaded")  # recordings with a load
     load: KnownLoad = _group("load")
@@ -272,14 +272,14 @@ class Config:
         """Generators to be compared by errors that noise causes, without such noise."""
         noise = self.identification.noise if self.has("identification", "gan") else None
         if noise and not (noise.level and noise.torque):
-            yield "identification.noise has no torque noise, but sets are compared by errors from it"
+            yield "identification.noise has none on torques, by whose errors sets are compared"
 
     def _rates(self) -> Iterator[str]:
         """Sampling rates below twice the highest harmonic."""
         if not self.has("seeds", "trajectory"):
             return
         family = self.trajectory
-        few = "expected more than two per period of the highest of"
+        few = "expected more than two per period of the highest harmonic,"
         if self.seeds.samples <= 2 * family.harmonics:
             yield f"seeds.samples is {self.seeds.samples}, {few} trajectory.harmonics={family.harmonics}"
         highest = family.harmonics / family.period

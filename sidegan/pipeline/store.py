@@ -30,7 +30,7 @@ from sidegan.pipeline.tracking import Curves
 _log = logging.getLogger(__name__)
 
 PARAMS = "params.json"
-_PROBE = bytes(2**20)  # least free space of a run
+_PROBE = bytes(2**20)  # is written once, to see that there is room
 
 
 class Store:

@@ -17,8 +17,8 @@ from experiments.verdicts import (
     UNKNOWN,
     above,
     below,
-    beside,
     interval,
+    lies_below,
     log_odds,
     not_below,
     ratios,
@@ -71,8 +71,8 @@ def test_a_verdict_needs_the_whole_interval():
 def test_a_share_of_draws_has_an_exact_interval():
     none = verdicts.proportion(0.0, 4000)
     assert none.low == 0 and none.high == pytest.approx(1 - 0.025 ** (1 / 4000))
-    assert beside(none, 0.001) == HOLDS and beside(verdicts.proportion(0.5, 100), 0.001) == NOT
-    assert beside(verdicts.proportion(0.5, 10), 0.5) == OPEN
+    assert lies_below(none, 0.001) == HOLDS and lies_below(verdicts.proportion(0.5, 100), 0.001) == NOT
+    assert lies_below(verdicts.proportion(0.5, 10), 0.5) == OPEN
 
 
 def test_a_claim_about_several_holds_if_it_holds_of_each():
