@@ -81,6 +81,9 @@ def _unknown(key: str, inner: str, parent: Any) -> str:
         return f"{inner}: variants share their generator; set gan.{inner.split('.', 2)[2]}"
     # the schema has the shared generator in each variant
     *group, name = place = tuple(re.sub(r"^gan\.generator\b", "gan.*.generator", inner).split("."))
+    if group == ["gan"] and inner != key:
+        variants = ", ".join(str(one) for one in parent or () if one != "generator")
+        return f"{inner}: gan has generator and the variants {variants}; others are chosen by gan=…"
     siblings = names_in(Config, group)
     groups = parent.items() if isinstance(parent, DictConfig) else ()
     below = [

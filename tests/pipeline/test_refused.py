@@ -138,6 +138,7 @@ def test_invalid_experiment_files_are_refused(key, value, about):
         ("sedes.count=3", "sedes.count: seeds.count?"),
         ("sedes=paper", "sedes: seeds?"),
         ("gan.epochs=20", "gan.epochs: gan.vanilla.epochs gan.eigen.epochs"),
+        ("gan.prediction.epochs=20", "gan.prediction: vanilla, eigen, diagonal; gan=…"),
         ("gan.limited=true", "gan.limited: gan.generator.limited?"),
         ("gan.generator.widht=3", "gan.generator.widht: gan.generator.width?"),
         ("gan.eigen.generator.limited=true", "gan.eigen.generator.limited: gan.generator.limited"),
