@@ -191,8 +191,8 @@ class Artifacts:
         return sum(float(self.costs(part)["cpu_seconds"]) for part in parts)
 
     @cached_property
-    def few_seeds(self) -> dict[str, float]:
-        """The histories' metrics for seeds, as many as are evaluated after an epoch.
+    def as_many_seeds(self) -> dict[str, float]:
+        """The histories' metrics for as many seeds as trajectories are evaluated after an epoch.
 
         Rank and nearest distance depend on the number of trajectories.
         """

@@ -145,9 +145,9 @@ def _comparable(made: Artifacts) -> Judgement:
         for label, key in (("c", "coverage"), ("log diag(YᵀY)", "coverage_diagonal"))
         for name, x in _covered(made, key, SIDE_GANS).items()
     }
-    few = made.few_seeds
+    of_seeds = made.as_many_seeds
     kept = {
-        f"{name}, {key}": np.log(at(made, name, key, LATE) / few[key])
+        f"{name}, {key}": np.log(at(made, name, key, LATE) / of_seeds[key])
         for name in SIDE_GANS
         for key in ("distance", "rank_uncentred")
     }
@@ -170,8 +170,8 @@ def _covered(made: Artifacts, key: str, names: Iterable[str]) -> dict[str, pd.Se
 
 def _no_collapse(made: Artifacts) -> Judgement:
     covered = _covered(made, "coverage", GANS)
-    few = made.few_seeds["rank_uncentred"]
-    ranks = {name: np.log(at(made, name, "rank_uncentred", LATE) / few) for name in GANS}
+    of_seeds = made.as_many_seeds["rank_uncentred"]
+    ranks = {name: np.log(at(made, name, "rank_uncentred", LATE) / of_seeds) for name in GANS}
     cosines = {name: at(made, name, "cosine", LATE) for name in GANS}
     ours = f"coverage relative to the seeds': {ratios(covered)}; directions: {ratios(ranks)}; "
     ours += f"mean cosine: {intervals(cosines)}"

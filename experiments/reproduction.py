@@ -261,7 +261,7 @@ def _figures(made: Artifacts) -> dict[str, "Figure"]:
         size = f"{kind.period:.4g} s" if len(c) == 1 else f"{len(c)} × {kind.period:.4g} s"
         stacked.append(Bundle(f"{title(name)}\n{size}", kind, c, shade))
     return {
-        "training": training.figure(made.histories, made.few_seeds, union),
+        "training": training.figure(made.histories, made.as_many_seeds, union),
         "nmse": figures.errors(made.errors),
         **training.pictures(made),
         "traces": motion.paths(arm, traces),

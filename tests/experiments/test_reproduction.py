@@ -143,8 +143,8 @@ def test_few_motions_that_cover_all_seeds_are_a_collapse(artifacts, directions, 
     ranks = directions + 0.1 * histories.training
     late = histories.assign(epoch=histories.epoch + 39, rank_uncentred=ranks)
     covering = artifacts.generators.assign(coverage=1.0 + 0.01 * artifacts.generators.training)
-    seeds = artifacts.few_seeds | {"rank_uncentred": 70.0}
-    found = judged(artifacts.run, histories=late, generators=covering, few_seeds=seeds)
+    seeds = artifacts.as_many_seeds | {"rank_uncentred": 70.0}
+    found = judged(artifacts.run, histories=late, generators=covering, as_many_seeds=seeds)
     assert found["no_collapse"].verdict == verdict
 
 
