@@ -232,7 +232,7 @@ def _other_arms(made: Artifacts) -> Judgement:
     """Whether the same recipe works on other arms, by the page on generality."""
     arms = generality.of_arms(made.run)
     needed = {"reliable": RELIABLE, "comparable": _COMPARABLE}
-    if arms is None:
+    if arms is None or "eigen" not in arms.index.unique("generator"):
         return Judgement(UNKNOWN, UNKNOWN, needed)
     others = arms.xs("eigen", level="generator").drop(made.run.cell.arm.name, errors="ignore")
     parts, texts = list[str](), list[str]()

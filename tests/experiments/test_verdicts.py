@@ -165,6 +165,9 @@ def test_arms_are_judged_by_the_page_on_them(monkeypatch, tmp_path):
     alone = others.replace("0.005", "—")  # no two arms with as many joints
     (tmp_path / "generality.md").write_text(text + alone, encoding="utf-8")
     assert verdicts_on("a", "paper") == [NOT, UNKNOWN]
+    without_eigen = text.replace("eigen", "prediction")
+    (tmp_path / "generality.md").write_text(without_eigen + others, encoding="utf-8")
+    assert verdicts_on("a", "paper") == [UNKNOWN, HOLDS]
     for other in (("b", "paper"), ("c", "paper"), ("a", "tiny")):  # of which the page says nothing
         assert verdicts_on(*other) == [UNKNOWN, UNKNOWN]
     (tmp_path / "generality.md").unlink()
