@@ -10,7 +10,7 @@ import pandas as pd
 from experiments import tables
 from experiments.artifacts import Artifacts
 from experiments.pages import FOLDER, leave, target_of
-from experiments.sets import colour
+from experiments.sets import SEEDS_ORIGIN, colour
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.measures import variations
 from sidegan.pipeline.stages.selection import SEEDS
@@ -65,9 +65,10 @@ def present(rows: Mapping[str, Artifacts], folder: Path, tracker: Tracker) -> No
     leave(folder, tracker, shown, means.set_axis([" ".join(key) for key in means.index]))
     target = target_of(name, first.publish, folder)
     figures = {"front": front(found)} if found["row"].str.startswith(FRONT).any() else {}
-    context = {"cfg": first, "caption": _CAPTION, "rows": first.rows}
+    origin = SEEDS_ORIGIN[first.seeds.method]
+    context = {"cfg": first, "caption": _CAPTION, "rows": first.rows, "origin": origin}
     templates = [FOLDER / "templates" / f"{each}.md.j2" for each in (name, "ablation")]
-    template = next(path for path in templates if path.exists())  # experiments like it have its own
+    template = next(path for path in templates if path.exists())  # its own, if it has one
     write_page(template, target, {name: shown[name][0]}, figures, **context)
     tracker.log_artifact(target, "report")
 

@@ -103,6 +103,12 @@ class Artifacts:
         return self.costs(timing(self.run))
 
     @property
+    def valid_seconds(self) -> float:
+        """Time of a generated trajectory that the check finds valid [s]; infinite if none was."""
+        rate = float(self.speed["valid_per_second"])
+        return 1 / rate if rate else math.inf
+
+    @property
     def cfg(self) -> Config:
         """The run's configuration."""
         return self.run.cfg
@@ -185,8 +191,8 @@ class Artifacts:
         return sum(float(self.costs(part)["cpu_seconds"]) for part in parts)
 
     @cached_property
-    def few_seeds(self) -> dict[str, float]:
-        """The histories' metrics for seeds, as many as are evaluated after an epoch.
+    def as_many_seeds(self) -> dict[str, float]:
+        """The histories' metrics for as many seeds as trajectories are evaluated after an epoch.
 
         Rank and nearest distance depend on the number of trajectories.
         """

@@ -86,10 +86,10 @@ def _real_generated_beat_seeds(made: Artifacts) -> Judgement:
 
 def _by_other_means(errors: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """The same errors with joints weighted alike, by geometric means and by their noise."""
-    weighted = errors.weighted.astype(bool)
-    plain, heavy = errors[~weighted], errors[weighted]
-    means = {"geometric mean over joints": exp1.geometric(plain), "weighted per joint": heavy}
-    return means | {"both": exp1.geometric(heavy)}
+    is_weighted = errors.weighted.astype(bool)
+    unweighted, weighted = errors[~is_weighted], errors[is_weighted]
+    means = {"geometric mean over joints": exp1.geometric(unweighted), "weighted per joint": weighted}
+    return means | {"both": exp1.geometric(weighted)}
 
 
 def _over_set(nmse: dict[str, pd.Series]) -> dict[str, pd.Series]:
@@ -140,9 +140,9 @@ def _eigen_best(made: Artifacts) -> Judgement:
 
 def _either(made: Artifacts) -> Judgement:
     """Whether eigen and diagonal lead to comparable errors."""
-    sure = _table1(made, "expected")
+    expected = _table1(made, "expected")
     effects = {
-        "table I, expected": log_ratio(sure["diagonal"], sure["eigen"]),
+        "table I, expected": log_ratio(expected["diagonal"], expected["eigen"]),
         "table II": _gain(made, "eigen", min) - _gain(made, "diagonal", min),
     }
     parts = (within(x, np.log(_COMPARABLE)) for x in effects.values())

@@ -26,9 +26,9 @@ from experiments.verdicts import (
     above,
     at,
     below,
-    beside,
     by_epoch,
     intervals,
+    lies_below,
     log_odds,
     not_below,
     proportion,
@@ -145,9 +145,9 @@ def _comparable(made: Artifacts) -> Judgement:
         for label, key in (("c", "coverage"), ("log diag(YᵀY)", "coverage_diagonal"))
         for name, x in _covered(made, key, SIDE_GANS).items()
     }
-    few = made.few_seeds
+    of_seeds = made.as_many_seeds
     kept = {
-        f"{name}, {key}": np.log(at(made, name, key, LATE) / few[key])
+        f"{name}, {key}": np.log(at(made, name, key, LATE) / of_seeds[key])
         for name in SIDE_GANS
         for key in ("distance", "rank_uncentred")
     }
@@ -170,8 +170,8 @@ def _covered(made: Artifacts, key: str, names: Iterable[str]) -> dict[str, pd.Se
 
 def _no_collapse(made: Artifacts) -> Judgement:
     covered = _covered(made, "coverage", GANS)
-    few = made.few_seeds["rank_uncentred"]
-    ranks = {name: np.log(at(made, name, "rank_uncentred", LATE) / few) for name in GANS}
+    of_seeds = made.as_many_seeds["rank_uncentred"]
+    ranks = {name: np.log(at(made, name, "rank_uncentred", LATE) / of_seeds) for name in GANS}
     cosines = {name: at(made, name, "cosine", LATE) for name in GANS}
     ours = f"coverage relative to the seeds': {ratios(covered)}; directions: {ratios(ranks)}; "
     ours += f"mean cosine: {intervals(cosines)}"
@@ -232,7 +232,7 @@ def _other_arms(made: Artifacts) -> Judgement:
     """Whether the same recipe works on other arms, by the page on generality."""
     arms = generality.of_arms(made.run)
     needed = {"reliable": RELIABLE, "comparable": _COMPARABLE}
-    if arms is None:
+    if arms is None or "eigen" not in arms.index.unique("generator"):
         return Judgement(UNKNOWN, UNKNOWN, needed)
     others = arms.xs("eigen", level="generator").drop(made.run.cell.arm.name, errors="ignore")
     parts, texts = list[str](), list[str]()
@@ -257,7 +257,7 @@ def _no_transfer(made: Artifacts) -> Judgement:
 def _density_fails(made: Artifacts) -> Judgement:
     share = float(made.density.sort_values("bandwidth").success.iloc[-1])
     measured = proportion(share, made.cfg.discussion.draws)
-    return Judgement(beside(measured, _FAILS), f"{words(measured, '.2%')} valid at Scott's bandwidth")
+    return Judgement(lies_below(measured, _FAILS), f"{words(measured, '.2%')} valid at Scott's bandwidth")
 
 
 def _few_seeds_fail(made: Artifacts) -> Judgement:
@@ -297,7 +297,7 @@ def _faster(made: Artifacts) -> Judgement:
 
 def _trained_too(made: Artifacts) -> Judgement:
     """Whether a valid generated trajectory takes far less time than a seed; with its training beside."""
-    seed, new = made.seed_seconds, 1 / made.speed["valid_per_second"]
+    seed, new = made.seed_seconds, made.valid_seconds
     count = made.cfg.library.count
     spent = made.training_seconds("eigen", made.cfg.trainings[0]) / count
     text = f"{seconds(new)} with the check, against {seconds(seed)} ({seed / new:,.0f} ×); {seconds(spent)} "

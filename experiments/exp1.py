@@ -73,7 +73,7 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "likeness": (tables.likeness_table(artifacts.generators), training.BESIDE),
         "searches": (training.searched(artifacts), training.SEARCHED),
     }
-    progress = training.figure(artifacts.histories, artifacts.few_seeds)
+    progress = training.figure(artifacts.histories, artifacts.as_many_seeds)
     drawn = {"training": progress, "nmse": figures.errors(raw), **training.pictures(artifacts)}
     leave(folder, tracker, shown, summary(artifacts), drawn)
 

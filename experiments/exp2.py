@@ -12,7 +12,7 @@ from experiments.artifacts import Artifacts
 from experiments.pages import PAPER, leave
 from experiments.sets import sort_sets, title, weighting
 from experiments.verdicts import REPEAT, TRAINING, interval, of_several, words
-from sidegan.base.names import plain
+from sidegan.base.names import counted, plain
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.replication import CONTROLS, FITTED
 from sidegan.pipeline.tracking import Tracker
@@ -36,7 +36,8 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     config, results = artifacts.cfg, artifacts.whole_errors
     noise = config.replication.noise
     reading = config.replication.readings[0]
-    setting = f"{noise.level:.0%} uniform noise on {READINGS[reading]}, {config.replication.repeats} draws"
+    draws = counted(config.replication.repeats, "draw")
+    setting = f"{noise.level:.0%} uniform noise on {READINGS[reading]}, {draws}"
     shown = {}
     for name, (table, kind) in tables2(results, config).items():
         shown[name] = table, f"Table II: improvement in nMSE [%] (RLS {kind}; {setting})"
@@ -126,7 +127,7 @@ def readings(made: Artifacts) -> pd.DataFrame:
             gains = [improvement(part, name, f"seeds ×{k}") for k in replicas]
             kinds[name] = "; ".join(plain(x.improvement.mean(), ".0f") for x in gains)
             kinds[f"{name}, geometric"] = "; ".join(plain(percent(x.gain.mean()), ".0f") for x in gains)
-    paper = {name: [x.split(" ")[0] for x in row.values()] for name, row in PAPER["table2"].items()}
+    paper = {name: [row.get(k, "—").split(" ")[0] for k in replicas] for name, row in PAPER["table2"].items()}
     rows["Paper"] = {name: "; ".join(row) for name, row in paper.items() if name in made.cfg.gan}
     return pd.DataFrame.from_dict(rows, orient="index").fillna("—").rename_axis("noise on")
 

@@ -24,7 +24,7 @@ _TRIED = 200  # trajectories of an arm to try on another
 _BASELINES = ("natural", "search-10", "search-160")
 _ARMS = "Generators and baselines; all but valid share and cosine relative to the arm's own seeds"
 _TRANSFER = (
-    f"Share of {_TRIED} trajectories generated for an arm that are valid on others with as many joints"
+    f"Share of up to {_TRIED} trajectories generated for an arm that are valid on others with as many joints"
 )
 VALID, COSINE = "valid", "mean cosine"
 # Of a generator or baseline relative to the seeds of its arm; an error is the inverse of a gain.
@@ -93,12 +93,16 @@ def of_arms(run: RunContext) -> pd.DataFrame | None:
 
 
 def of_others(run: RunContext) -> pd.Series | None:
-    """Published valid shares of an arm's trajectories on another arm; None as in ``of_arms``."""
+    """Published valid shares of an arm's trajectories on another arm.
+
+    None as in ``of_arms``, and where no two arms have as many joints.
+    """
     table = _published("generated for", run)
     if table is None:
         return None
     long = table.melt("generated for", var_name="on").dropna()
-    return long[long["on"] != long["generated for"]].value.astype(float)
+    others = long[long["on"] != long["generated for"]].value.astype(float)
+    return None if others.empty else others
 
 
 def _published(first: str, run: RunContext) -> pd.DataFrame | None:

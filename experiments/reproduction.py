@@ -12,7 +12,7 @@ import pandas as pd
 from experiments import claims, exp1, exp2, figures, generality, tables, training
 from experiments.artifacts import Artifacts, comparison
 from experiments.pages import COLUMNS, DOCS, FOLDER, PAPER, target_of
-from experiments.sets import colours, title
+from experiments.sets import SEEDS_ORIGIN, colours, title
 from experiments.verdicts import CONFIDENCE, GANS, UNKNOWN
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
@@ -38,12 +38,6 @@ _TRACES = 8  # generated trajectories, as in the paper's figure 2
 # tables over all conditions
 _JOINED = ["generators", "likeness", "draws", "table1", "factors"]
 _JOINED += ["table2", "table2_weighted", "readings", "table3", "density"]
-
-_SEEDS = {
-    "published": "of the authors",
-    "paper": "by the paper's optimisers",
-    "gradient": "by gradient descent, the better optimiser",
-}
 
 Conditions = Mapping[str, Artifacts]
 
@@ -126,7 +120,7 @@ def _verdicts(judged: list[claims.Claim], condition: str) -> str:
 
 def described(artifacts: Artifacts) -> str:
     """Sentence on the seeds, the recipe and the random numbers of a condition."""
-    seeds = _SEEDS.get(artifacts.cfg.seeds.method, artifacts.cfg.seeds.method)
+    seeds = SEEDS_ORIGIN[artifacts.cfg.seeds.method]
     shipped = getattr(artifacts.cfg.surrogates, "shipped", None)  # only in the published recipe
     surrogates = "shipped" if shipped else "retrained"
     recipe = "our recipe" if shipped is None else f"their recipe, surrogates {surrogates}"
@@ -241,7 +235,7 @@ def _timing(artifacts: Artifacts) -> pd.DataFrame:
         "surrogates": ("the surrogates, CPU", artifacts.costs(surrogate_networks(run))["cpu_seconds"]),
         "training": ("one training, CPU", float(np.mean(trainings))),
         "generation": ("one generated trajectory", speed["generation_seconds"]),
-        "checked": ("one valid trajectory, checked", 1 / speed["valid_per_second"]),
+        "checked": ("one valid trajectory, checked", artifacts.valid_seconds),
     }
     frame = pd.DataFrame.from_dict(rows, orient="index", columns=["what", "ours"])
     frame["paper"] = pd.Series(PAPER["seconds"], dtype=float)
@@ -267,7 +261,7 @@ def _figures(made: Artifacts) -> dict[str, "Figure"]:
         size = f"{kind.period:.4g} s" if len(c) == 1 else f"{len(c)} × {kind.period:.4g} s"
         stacked.append(Bundle(f"{title(name)}\n{size}", kind, c, shade))
     return {
-        "training": training.figure(made.histories, made.few_seeds, union),
+        "training": training.figure(made.histories, made.as_many_seeds, union),
         "nmse": figures.errors(made.errors),
         **training.pictures(made),
         "traces": motion.paths(arm, traces),

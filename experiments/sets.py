@@ -13,6 +13,11 @@ _PAPERS_ORDER = (
     *("long-", "random", "natural", "search-", "boxed-", "gradient"),
     *("seeds", "seeds ×", "vanilla", "eigen", "diagonal", "prediction"),
 )
+SEEDS_ORIGIN = {  # by the method of their settings
+    "published": "of the authors",
+    "paper": "by the paper's optimisers",
+    "gradient": "by gradient descent, the better optimiser",
+}
 _TITLES = {"random": "random valid", "gradient": "short, by gradients"}
 _COLOURS = {
     "vanilla": "#7f7f7f",

@@ -60,7 +60,7 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "searches": (searched(artifacts), SEARCHED),
         "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
     }
-    drawn = {"training": figure(histories, artifacts.few_seeds), **pictures(artifacts)}
+    drawn = {"training": figure(histories, artifacts.as_many_seeds), **pictures(artifacts)}
     leave(folder, tracker, shown, summary(artifacts.generators), drawn)
 
 

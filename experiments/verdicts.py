@@ -133,8 +133,8 @@ def within(effect: pd.Series, bound: float) -> str:
     return HOLDS if -bound < low and high < bound else NOT if low > bound or high < -bound else OPEN
 
 
-def beside(measured: Interval, bound: float) -> str:
-    """Whether an interval lies below a bound."""
+def lies_below(measured: Interval, bound: float) -> str:
+    """Verdict on whether a whole interval is below a bound."""
     return HOLDS if measured.high < bound else NOT if measured.low > bound else OPEN
 
 

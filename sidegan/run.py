@@ -20,16 +20,17 @@ from sidegan.pipeline.compose import explain
 from sidegan.pipeline.run import BAD_CONFIG, FAILURE, INTERRUPTED, interrupts, run_job
 from sidegan.pipeline.sweep import end_sweep
 
-_UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel")  # in names of runs
+_UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel")  # left out of names of runs
 _started: list[DictConfig] = []  # settings of the jobs that have begun
 
 
 def main() -> int:
     """Exit code of the command: 0, 1 for a failure, 2 for a wrong configuration, 130 when interrupted."""
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra's exceptions come here, and not as tracebacks
-    # Heavy work runs in workers, which threads that wait would hinder; NumPy and torch read it when imported.
+    # Heavy work runs in worker processes, which idle threads here would slow down. NumPy and torch read these
+    # variables when they are imported.
     os.environ.update({f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")})
-    # A scheduler's notice ends it like an interrupt: files that can be resumed, and a closed run.
+    # SIGTERM, a scheduler's notice, is like an interrupt: work can be resumed, and MLflow's run is closed.
     interrupts.clear()
     _started.clear()
     for one in (signal.SIGINT, signal.SIGTERM):
@@ -50,9 +51,9 @@ def main() -> int:
     except KeyboardInterrupt:
         end_sweep("KILLED")
         code, words = INTERRUPTED, "\nstopped; the same command continues where it stopped"
-    except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of a word for a list
+    except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of null for a group
         if _started and not isinstance(error, HydraException | OmegaConfBaseException):
-            raise  # a fault of a job, and not of the words
+            raise  # from a job, and not from its command
         code = BAD_CONFIG
         words = f"error: {explain(error)}"
     except BrokenPipeError:  # whoever read what is printed has seen enough, as in --help | head
@@ -74,18 +75,18 @@ def _command(cfg: DictConfig) -> None:
     job = HydraConfig.get()
     overrides: Any = OmegaConf.to_container(job.overrides.task)
     given: Any = OmegaConf.to_container(cfg)  # as it was given: what leads nowhere is refused later, by name
-    name = run_name(given["experiment"], overrides, given["seed"])
+    name = run_name(given.get("experiment"), overrides, given.get("seed"))
     code = run_job(cfg, Path(job.runtime.output_dir), name, overrides)
     # In a sweep the other jobs go on; the callback leaves with the worst code.
     if code and job.mode == RunMode.RUN:
         sys.exit(code)
 
 
-def run_name(experiment: str, overrides: list[str], seed: Any) -> str:
+def run_name(experiment: Any, overrides: list[str], seed: Any) -> str:
     """Name of a run for people, e.g. ``exp1 gan=eigen seed=1``, from what the command line overrides."""
     words = [override.lstrip("+") for override in overrides]
     named = [word for word in words if word.partition("=")[0].partition(".")[0] not in _UNNAMED]
-    return f"{' '.join([experiment, *named])[:180]} seed={seed}"
+    return f"{' '.join([str(experiment), *named])[:180]} seed={seed}"
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -15,8 +15,10 @@ TINY = float(np.finfo(float).tiny)  # smallest normal number: keeps quotients an
 
 
 def numbers(given: ArrayLike, name: str) -> Array:
-    """What a user gives as numbers, in float64; a ShapeError that names it if they are none."""
+    """What a user gives as numbers, in float64; a ShapeError that names it if they are not real numbers."""
     try:
+        if np.iscomplexobj(given):  # NumPy would drop the imaginary parts
+            raise TypeError("they are complex")
         return np.asarray(given, float)
     except (TypeError, ValueError, RuntimeError) as error:  # RuntimeError: of a tensor with gradients
         raise ShapeError(f"{name}: expected an array of numbers: {error}") from error

@@ -14,7 +14,7 @@ _LARGE = 1e6  # from which numbers have an exponent
 def folder_name(text: str) -> str:
     """Text as the name of a file or folder: without separators, not hidden, at most 100 bytes.
 
-    A digest replaces what does not fit. Valid names are unchanged.
+    A digest replaces what does not fit. A name that it returns stays as it is.
     """
     name = re.sub(r"[^\w.,=+-]+", "_", text).strip("_.") or "_"
     if len(name.encode()) <= _LONGEST:

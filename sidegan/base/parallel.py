@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sidegan.base.extras import extra
+from sidegan.base.names import listed
 from sidegan.base.progress import bar
 from sidegan.base.threads import one_thread
 from sidegan.errors import ConfigError, SideganError, StorageError
@@ -58,8 +59,9 @@ def on_cluster(scheduler: str | None) -> Iterator[None]:
     with client:
         crowded = [name for name, threads in client.nthreads().items() if threads > 1]
         if crowded:  # jobs set their process's number of threads, so they cannot share a process
-            names = ", ".join(crowded[:3])
-            raise ConfigError(f"Dask workers {names} run several threads; start them with --nthreads 1")
+            raise ConfigError(
+                f"Dask workers run several threads, start them with --nthreads 1: {listed(crowded, 3)}"
+            )
         _client = client
         try:
             yield

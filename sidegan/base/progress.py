@@ -56,7 +56,7 @@ def _lines(description: str, total: int) -> Callable[[int], None]:
 
 def duration(seconds: float) -> str:
     """A duration in words, e.g. ``3 min 20 s``."""
-    if seconds < 60:
-        return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
+    if round(seconds) < 60:
+        return f"{seconds:.1f} s" if round(seconds, 1) < 10 else f"{seconds:.0f} s"
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

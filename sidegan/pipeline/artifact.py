@@ -18,8 +18,9 @@ from sidegan.base.names import dotted, folder_name
 from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
 
-# stages of makers that do not have their name
+# stages of makers that have another name
 _STAGES = {"baseline": "random", "short": "long", "sums": "replication"}
+_ALSO = {"gan": ["surrogates", "subsets"], "surrogates": ["subsets"]}  # other stages that make some
 Metrics = Mapping[str, float | Sequence[float | None]]
 
 
@@ -29,7 +30,7 @@ class Build:
 
     folder: Path  # for its files; renamed into place when complete
     work: Path  # for files of unfinished tasks (written without making it); survives a kill
-    report: Report  # shows progress
+    report: Report  # to call with the steps that are done, and all of them
     costs: dict[str, Any] = field(default_factory=dict)  # seconds and the like; stored outside the artifact
 
 
@@ -90,6 +91,11 @@ def versions() -> dict[str, int]:
 def stage_of(maker: str) -> str:
     """Name of the stage that a maker belongs to."""
     return _STAGES.get(maker, maker.rpartition("_")[2])  # paper_seeds belongs to seeds
+
+
+def stages_of(maker: str) -> list[str]:
+    """Stages of which at least one makes any artifact of this maker, the usual one first."""
+    return [stage_of(maker), *_ALSO.get(maker, [])]
 
 
 def _brief(value: Any) -> str:

@@ -12,7 +12,7 @@ from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from sidegan.base.conf import CONF
+from sidegan.base.conf import CONF, options
 from sidegan.base.names import folder_name
 from sidegan.errors import ConfigError
 
@@ -81,6 +81,9 @@ def _unknown(key: str, inner: str, parent: Any) -> str:
         return f"{inner}: variants share their generator; set gan.{inner.split('.', 2)[2]}"
     # the schema has the shared generator in each variant
     *group, name = place = tuple(re.sub(r"^gan\.generator\b", "gan.*.generator", inner).split("."))
+    if group == ["gan"] and inner != key:
+        variants = ", ".join(str(one) for one in parent or () if one != "generator")
+        return f"{inner}: gan has generator and the variants {variants}; others are chosen by gan=…"
     siblings = names_in(Config, group)
     groups = parent.items() if isinstance(parent, DictConfig) else ()
     below = [
@@ -90,7 +93,9 @@ def _unknown(key: str, inner: str, parent: Any) -> str:
     ]
     near = f"; did you mean {' or '.join(below)}?" if below else did_you_mean(Config, place).replace(".*", "")
     if name in siblings:
-        others = f"or of another {group[0]}=…" if group else "choose one by +experiment=…"
+        others = (
+            f"or of another {group[0]}=…" if group and options(group[0]) else "choose one by +experiment=…"
+        )
         return f"{inner}: this is a setting of other experiments, {others}"
     if inner != key and siblings:
         known = ", ".join(siblings)

@@ -64,9 +64,9 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
         if config.has("robot"):
             run.log_decisions()
         names = list[str]()
-        for name, part in stages.items():
-            names.append(name)
-            if part.show is None and name != config.stages[-1]:
+        for title, part in stages.items():
+            names.append(title)
+            if part.show is None and title != config.stages[-1]:
                 continue
             together = ", ".join(names)
             _log.info("%s …", together)
@@ -122,7 +122,7 @@ def _record(artifact: Artifact, run: "RunContext", tracker: Tracker) -> None:
     tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()}, model)
     tracker.log_metrics({f"{key}/{title.replace('/', ' ')}": x for key, x in spent.items()})
     tracker.log_history({f"{title}/{key}": x for key, x in series.items()}, model)
-    last = {key: values[-1] for key, values in series.items() if values}
+    last = {key: x[-1] for key, x in series.items() if x and x[-1] is not None}
     epochs = max(map(len, series.values()), default=0)
     when, found = ("", numbers | spent) if numbers or not series else (f" after {epochs} epochs", last)
     texts = [f"{k} {plain(x, '.4g')}" if isinstance(x, float) else f"{k} {x}" for k, x in found.items()]

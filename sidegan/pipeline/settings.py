@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import Field
 
-from sidegan.base.conf import offer_defaults
+from sidegan.base.conf import offer_defaults, options
 from sidegan.base.extras import extra
 from sidegan.base.typed import Count, Natural, Number, Positive, PositiveShare, ShareBelowOne, build
 from sidegan.cell import TrajectoryFamily, Workspace
@@ -77,7 +77,7 @@ class Robot(Setup):
     """The arm: a built-in name or the path of a description, and settings that supplement it."""
 
     name: str
-    gains: list[Number] | None = None  # drive gains, joint torque per motor current [N·m/A]
+    gains: list[Number] | None = None  # of the drives, joint torque per motor current [N·m/A or N/A]
     # share of velocity and torque limits to use; null: 0.8, or 1 if the arm can hardly hold itself
     effort: PositiveShare | None = None
 
@@ -118,9 +118,8 @@ class Absent:
         self.group = group
 
     def _refuse(self, *arguments: Any) -> Any:
-        raise ConfigError(
-            f"there are no settings {self.group}: choose some, {self.group}=…, or an experiment that has them"
-        )
+        added = f"add +{self.group}=…, or " if options(self.group) else ""
+        raise ConfigError(f"there are no settings {self.group}: {added}choose an experiment that has them")
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -172,7 +171,7 @@ class Config:
     discussion: Discussion = _group("discussion")
     table: str = _group("table")  # Python module that collects and presents the results
     recordings: list[Recorded] = _group("recordings")  # to identify from: one file each, or one per signal
-    # held-out recordings, or the share of every recording, at its end, that is held out
+    # recordings that are held out, or the share of every recording that is, at its end
     validation: list[Recorded] | ShareBelowOne = _group("validation")
     loaded: list[Recorded] = _group("loaded")  # recordings with a load
     load: KnownLoad = _group("load")
@@ -204,7 +203,7 @@ class Config:
     def _groups(self) -> Iterator[str]:
         """Groups that are used together, and one of them is left out."""
         if self.has("workspace") != self.has("trajectory"):
-            yield "workspace and trajectory are used together: choose both of these groups, or neither"
+            yield "workspace and trajectory are used together: choose an experiment that has both, or neither"
 
     def _names(self) -> Iterator[str]:
         """Invalid names, and lists that are empty or name something twice."""
@@ -256,7 +255,7 @@ class Config:
         sizes = self.discussion.sizes if self.has("discussion") and "subsets" in self.stages else []
         if any(size > seeds for size in sizes):
             yield f"discussion.sizes has {max(sizes)}, expected at most seeds.count = {seeds}"
-        if "gan" in self.stages:
+        if {"surrogates", "gan", "subsets", "variations"} & {*self.stages}:  # they train
             counts = {"seeds.count": seeds, "subset": self.subset, "evaluation": self.evaluation}
             counts["discussion.sizes"] = min(sizes, default=None)
             for name, count in counts.items():
@@ -273,14 +272,14 @@ class Config:
         """Generators to be compared by errors that noise causes, without such noise."""
         noise = self.identification.noise if self.has("identification", "gan") else None
         if noise and not (noise.level and noise.torque):
-            yield "identification.noise has no torque noise, but sets are compared by errors from it"
+            yield "identification.noise has none on torques, by whose errors sets are compared"
 
     def _rates(self) -> Iterator[str]:
         """Sampling rates below twice the highest harmonic."""
         if not self.has("seeds", "trajectory"):
             return
         family = self.trajectory
-        few = "expected more than two per period of the highest of"
+        few = "expected more than two per period of the highest harmonic,"
         if self.seeds.samples <= 2 * family.harmonics:
             yield f"seeds.samples is {self.seeds.samples}, {few} trajectory.harmonics={family.harmonics}"
         highest = family.harmonics / family.period

@@ -24,13 +24,13 @@ from sidegan.base.settings_text import command_messages
 from sidegan.base.storage import file_digest, read_json, write_json, writing
 from sidegan.base.threads import one_thread
 from sidegan.errors import ArtifactError, StorageError
-from sidegan.pipeline.artifact import Artifact, Build, difference, stage_of
+from sidegan.pipeline.artifact import Artifact, Build, difference, stages_of
 from sidegan.pipeline.tracking import Curves
 
 _log = logging.getLogger(__name__)
 
 PARAMS = "params.json"
-_PROBE = bytes(2**20)  # least free space of a run
+_PROBE = bytes(2**20)  # is written once, to see that there is room
 
 
 class Store:
@@ -84,8 +84,8 @@ class Store:
                 self.require(source)
         if (folder := self.folder(artifact)).exists():
             read_params(folder)  # raises if it is damaged
-        name, stage = f"{artifact.maker}/{artifact.label}", stage_of(artifact.maker)
-        message = f"there is no {name} for this configuration, run stage {stage} first"
+        name, stages = f"{artifact.maker}/{artifact.label}", " or ".join(stages_of(artifact.maker))
+        message = f"there is no {name} for this configuration, run stage {stages} first"
         differences = []
         for path in sorted(folder.parent.glob(f"*/{PARAMS}")):
             with suppress(ArtifactError):  # skip damaged ones

@@ -41,8 +41,8 @@ class SweepCallback(Callback):
             return
         hidden = ("+experiment=", "outputs=")
         words = [word for word in config.hydra.overrides.task if not word.startswith(hidden)]
-        name = " ".join([config.experiment, "sweep", *words])[:200]
-        _parent = Tracker(Path(config.outputs), config.experiment, name, str(config.tracking))
+        name = " ".join([str(config.experiment), "sweep", *words])[:200]
+        _parent = Tracker(Path(config.outputs), str(config.experiment), name, str(config.tracking))
         if _parent.run_id:
             write_json(folder / PARENT, {"run": _parent.run_id})
 

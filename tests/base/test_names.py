@@ -12,6 +12,7 @@ from sidegan.base.names import plain
 from sidegan.base.progress import ConsoleHandler, bar, duration
 from tests.waiting import wait_until
 
+DURATIONS = ("0.0 s", "10 s", "1 min 0 s", "3 min 20 s", "14 h 0 min")
 WORDS = [
     (plain(131.6, ".2g"), "130"),
     (plain(-99950.0, ".3g"), "-100000"),
@@ -21,7 +22,7 @@ WORDS = [
     (plain(0.123, ".0%"), "12%"),
     (plain(1234.5, ",.0f"), "1,234"),
     (plain(math.nan, ".3g"), "nan"),
-    *zip(map(duration, (0.04, 12.4, 200, 50_400)), ("0.0 s", "12 s", "3 min 20 s", "14 h 0 min")),
+    *zip(map(duration, (0.04, 9.97, 59.7, 200, 50_400)), DURATIONS),
 ]
 
 

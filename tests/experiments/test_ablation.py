@@ -1,9 +1,15 @@
+import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
 from experiments import ablation
+from experiments.pages import FOLDER
+from sidegan.pipeline.compose import composed
+from sidegan.pipeline.tracking import Tracker
+from tests.tiny import tiny
 
 
 @pytest.fixture
@@ -38,6 +44,21 @@ def test_a_row_is_relative_to_the_seeds_and_has_its_cost(found):
     table = ablation.table(found)
     assert table.loc[("fitness 0", "vanilla"), "n"] == 2 and table.index[0] == ("controls", "seeds")
     assert table.loc[("the recipe", "vanilla"), "valid"].startswith("0.9")
+
+
+def test_a_comparison_of_ones_own_has_a_page_with_its_name_and_seeds(found, monkeypatch, tmp_path):
+    own = replace(tiny("condition=gradient", experiment="ablation"), experiment="mine")
+    monkeypatch.setattr(ablation, "numbers", lambda rows: found.assign(coverage=0.5, coverage_diagonal=0.4))
+    ablation.present({"row": SimpleNamespace(cfg=own)}, tmp_path, Tracker(tmp_path, "mine", "run", "off"))
+    page = (tmp_path / "mine.md").read_text(encoding="utf-8")
+    assert "+experiment=mine" in page and "mine/figures/front" in page
+    assert "seeds by gradient descent" in page and "| the recipe | eigen | 2 |" in page
+
+
+def test_a_row_can_be_made_shorter_as_the_page_says():
+    text = (FOLDER / "templates" / "ablation.md.j2").read_text(encoding="utf-8")
+    (word,) = re.findall("`'(rows[^`]*)'`", text)
+    assert composed("+experiment=ablation", word).rows["the_recipe"] == ["gan=eigen", "trainings=[0]"]
 
 
 def test_the_front_has_a_panel_for_validity_and_each_coverage(found):

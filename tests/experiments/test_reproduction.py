@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from jinja2 import Template
 
 from experiments import reproduction
 from experiments.artifacts import Artifacts
 from experiments.claims import claims, confirmed
-from experiments.pages import DOCS, PAPER
+from experiments.pages import DOCS, FOLDER, PAPER
 from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED, UNKNOWN, Judgement
 from sidegan.errors import ConfigError
 from sidegan.pipeline.context import RunContext
@@ -48,6 +49,16 @@ def test_the_page_has_the_tables_and_figures_that_it_links_to(page, artifacts):
     norms = artifacts.whole_facts.groupby("set").covariance_norm.mean()
     assert seeds["‖diag P‖ [1e-9]"] == pytest.approx(1e9 * norms["seeds ×1"], rel=1e-3)
     assert norms["seeds ×1"] / norms["seeds ×10"] == pytest.approx(10, rel=0.1)  # as many samples more
+
+
+@pytest.mark.parametrize("sensor", ["link", "motor"])
+def test_the_page_says_where_its_plants_sense_torque(sensor):
+    cfg = tiny(f"plants={sensor}", experiment="reproduction")
+    template = (FOLDER / "templates" / "reproduction.md.j2").read_text(encoding="utf-8")
+    lines = [Template(line).render(cfg=cfg, docs=DOCS) for line in template.splitlines() if "sense" in line]
+    assert len(lines) == 2
+    for line in lines:
+        assert f"at the {sensor}" in line and ("link" in line) == (sensor == "link")
 
 
 def test_a_run_lists_its_artifacts_those_on_fewer_seeds_apart(page, outputs):
@@ -132,8 +143,8 @@ def test_few_motions_that_cover_all_seeds_are_a_collapse(artifacts, directions, 
     ranks = directions + 0.1 * histories.training
     late = histories.assign(epoch=histories.epoch + 39, rank_uncentred=ranks)
     covering = artifacts.generators.assign(coverage=1.0 + 0.01 * artifacts.generators.training)
-    seeds = artifacts.few_seeds | {"rank_uncentred": 70.0}
-    found = judged(artifacts.run, histories=late, generators=covering, few_seeds=seeds)
+    seeds = artifacts.as_many_seeds | {"rank_uncentred": 70.0}
+    found = judged(artifacts.run, histories=late, generators=covering, as_many_seeds=seeds)
     assert found["no_collapse"].verdict == verdict
 
 

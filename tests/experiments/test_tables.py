@@ -142,6 +142,13 @@ def test_table_2_is_one_minus_the_ratio_of_errors_joint_by_joint(whole):
     assert list(exp2.tables2(whole.whole_errors, whole.cfg)) == ["table2", "table2_weighted"]
 
 
+def test_readings_stand_beside_the_papers_numbers_of_the_same_replications(whole):
+    cfg = tiny("gan=eigen", "replication.replicas=[1,2]", experiment="exp2")
+    errors = whole.whole_errors.replace({"seeds ×4": "seeds ×2"})
+    table = exp2.readings(SimpleNamespace(cfg=cfg, readings={"seeds": errors}))
+    assert table["eigen"].tolist() == ["81; 62", "51; —"]
+
+
 @pytest.mark.parametrize(("less", "verdict"), [(0.9, HOLDS), (0.1, NOT)])
 def test_whether_the_improvement_shrinks_is_of_each_variant_in_percentage_points(less, verdict):
     """Of errors that are a share of the seeds', which measuring these again makes ``less`` times as large."""

@@ -6,6 +6,7 @@ import pytest
 from scipy import stats
 
 from experiments import generality, verdicts
+from experiments.artifacts import Artifacts
 from experiments.claims_training import CRITERIA, other_bases
 from experiments.training import LATE
 from experiments.verdicts import (
@@ -16,8 +17,8 @@ from experiments.verdicts import (
     UNKNOWN,
     above,
     below,
-    beside,
     interval,
+    lies_below,
     log_odds,
     not_below,
     ratios,
@@ -70,8 +71,8 @@ def test_a_verdict_needs_the_whole_interval():
 def test_a_share_of_draws_has_an_exact_interval():
     none = verdicts.proportion(0.0, 4000)
     assert none.low == 0 and none.high == pytest.approx(1 - 0.025 ** (1 / 4000))
-    assert beside(none, 0.001) == HOLDS and beside(verdicts.proportion(0.5, 100), 0.001) == NOT
-    assert beside(verdicts.proportion(0.5, 10), 0.5) == OPEN
+    assert lies_below(none, 0.001) == HOLDS and lies_below(verdicts.proportion(0.5, 100), 0.001) == NOT
+    assert lies_below(verdicts.proportion(0.5, 10), 0.5) == OPEN
 
 
 def test_a_claim_about_several_holds_if_it_holds_of_each():
@@ -130,6 +131,14 @@ def test_epochs_that_a_training_did_not_reach_are_not_measured(epochs, early, la
     assert CRITERIA["predictor"](made).verdict == NOT
 
 
+@pytest.mark.parametrize(("rate", "verdict"), [(1000.0, HOLDS), (0.0, NOT), (np.nan, UNKNOWN)])
+def test_a_generator_of_nothing_valid_is_not_faster(rate, verdict):
+    cfg = SimpleNamespace(library=SimpleNamespace(count=9), trainings=[0])
+    found = {"cfg": cfg, "speed": {"valid_per_second": rate}, "seed_seconds": 1.0}
+    made = type("Planted", (Artifacts,), found | {"training_seconds": lambda *_: 1.0})(None)
+    assert CRITERIA["trained_too"](made).verdict == verdict
+
+
 def test_another_basis_gives_the_same_torques_and_only_a_rotation_the_same_trace(arm):
     body, random = RigidBody(arm), np.random.default_rng(0)
     q, dq, ddq = random.standard_normal((3, 20, arm.joints))
@@ -153,6 +162,12 @@ def test_arms_are_judged_by_the_page_on_them(monkeypatch, tmp_path):
         return [CRITERIA[key](made).verdict for key in ("other_arms", "no_transfer")]
 
     assert verdicts_on("a", "paper") == [NOT, HOLDS]
+    alone = others.replace("0.005", "—")  # no two arms with as many joints
+    (tmp_path / "generality.md").write_text(text + alone, encoding="utf-8")
+    assert verdicts_on("a", "paper") == [NOT, UNKNOWN]
+    without_eigen = text.replace("eigen", "prediction")
+    (tmp_path / "generality.md").write_text(without_eigen + others, encoding="utf-8")
+    assert verdicts_on("a", "paper") == [UNKNOWN, HOLDS]
     for other in (("b", "paper"), ("c", "paper"), ("a", "tiny")):  # of which the page says nothing
         assert verdicts_on(*other) == [UNKNOWN, UNKNOWN]
     (tmp_path / "generality.md").unlink()

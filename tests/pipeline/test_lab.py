@@ -2,15 +2,18 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from sidegan.errors import ConfigError
+from sidegan.identification.payload import Gains
 from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.settings import validate
+from sidegan.pipeline.stages.payload import gains_table
 from sidegan.recording.recording import Recording
 from sidegan.robot import load_robot
 from sidegan.steps.excite import known_model
@@ -50,6 +53,13 @@ def test_the_gains_command_finds_the_drive_gains(files, tmp_path):
     found = json.loads((ran(tmp_path, "gains", *given, *known) / "gains.json").read_text())
     error = np.abs(np.array(found["gain"]) - TRUE)
     assert (error < 5 * np.array(found["deviation"]) + 0.01 * TRUE).all()
+
+
+@pytest.mark.parametrize(("slides", "unit"), [([0, 0], "N·m/A"), ([1, 1], "N/A"), ([0, 1], "N·m/A or N/A")])
+def test_gains_have_the_units_of_their_joints(planar, slides, unit):
+    found = Gains(np.array([2.0, 3.0]), np.array([0.1, 0.2]), np.zeros(2, bool))
+    table = gains_table(replace(planar, prismatic=np.array(slides, bool)), found)
+    assert list(table.columns) == [f"gain [{unit}]", "σ"]
 
 
 SMALL = ("workspace=free", "trajectory.harmonics=3", "controllers.rate=50")

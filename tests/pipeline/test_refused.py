@@ -39,6 +39,7 @@ SETTINGS = [  # of which experiment, what is set, and what the message names
     ("training", "seeds.count=1", "seeds.count 1 two"),
     ("training", "subset=1", "subset 1 two"),
     ("training", "evaluation=1", "evaluation 1 two"),
+    ("generality", "evaluation=1", "evaluation 1 two"),
     ("exp1", "identification.noise.level=0", "identification.noise torque"),
     ("exp1", "plants.sensors.cutoff=300", "plants sensors.cutoff 300 plant.rate=250"),
     ("exp1", "plants.sensors.rate=150", "plants sensors.rate 150 plant.rate=250"),
@@ -137,12 +138,15 @@ def test_invalid_experiment_files_are_refused(key, value, about):
         ("sedes.count=3", "sedes.count: seeds.count?"),
         ("sedes=paper", "sedes: seeds?"),
         ("gan.epochs=20", "gan.epochs: gan.vanilla.epochs gan.eigen.epochs"),
+        ("gan.prediction.epochs=20", "gan.prediction: vanilla, eigen, diagonal; gan=…"),
         ("gan.limited=true", "gan.limited: gan.generator.limited?"),
         ("gan.generator.widht=3", "gan.generator.widht: gan.generator.width?"),
         ("gan.eigen.generator.limited=true", "gan.eigen.generator.limited: gan.generator.limited"),
         ("gan=eigne", "'gan/eigne'"),
         ("experiment=exp1", "+experiment=exp1"),
         ("recordings=[a.csv]", "recordings: +experiment=…"),
+        ("goal.count=3", "goal.count: +experiment=…"),  # there is no file goal=… to choose
+        ("~seed", "seed missing"),
         ("robot.limits={joint_1:1}", "robot.limits: joint_1 position, velocity, file"),
         ("robot={limits:{velocit:{a:1}}}", "robot.limits: velocit robot.limits.velocity?"),
         ("+experiment=exp99", "'experiment/exp99'"),
@@ -158,6 +162,26 @@ def test_a_wrong_command_exits_with_code_2_and_without_traceback(command, capsys
     assert not [name for name in ("error: ", *about.split(" ")) if name not in error], error
     assert "Traceback" not in error and "_base" not in error
     assert not (tmp_path / "outputs" / "seeds").exists()
+
+
+@pytest.mark.parametrize(
+    ("stage", "group", "added"), [("seeds", "seeds", True), ("excite", "controllers", False)]
+)
+def test_a_group_that_is_not_composed_is_to_be_added_if_it_has_files(tmp_path, stage, group, added):
+    config = tiny.tiny(f"outputs={tmp_path}", f"stages=[{stage}]", experiment="identify")
+    with refused(ConfigError, group) as caught:
+        run_stages(config, tmp_path / "run", "refused")
+    assert (f"+{group}=…" in str(caught.value)) == added
+
+
+@pytest.mark.parametrize("multirun", [[], ["-m"]])
+def test_an_experiment_that_has_a_number_for_a_name_is_refused(command, capsys, tmp_path, multirun):
+    (tmp_path / "lab" / "experiment").mkdir(parents=True)
+    file = tmp_path / "lab" / "experiment" / "own.yaml"
+    file.write_text("# @package _global_\nexperiment: 7\nstages: [seeds]\n")
+    assert command(*multirun, "--config-dir=lab", "+experiment=own") == 2
+    shown = capsys.readouterr().err
+    assert "experiment is 7" in shown and "Traceback" not in shown
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from experiments.generality import beside_seeds
 from sidegan.base.arrays import flatten
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
+from sidegan.pipeline.artifact import stages_of
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.run import run_stages
@@ -78,6 +79,14 @@ def test_a_second_run_reuses_everything_for_the_tables_of_the_experiment(made, t
     found = Artifacts(made)
     again = table1(found.errors, found.plant, found.expected, found.constant)
     assert again.reset_index().to_csv(index=False) == (tmp_path / "table1.csv").read_text()
+
+
+def test_whoever_misses_an_artifact_is_told_of_a_stage_that_makes_it(context):
+    run = context("gan=[eigen,diagonal]", experiment="reproduction")
+    listed = {name: [*stage(name).artifacts(run)] for name in run.cfg.stages}
+    digests = {name: {made.digest for made in part} for name, part in listed.items()}
+    for made in (made for part in listed.values() for made in part):
+        assert any(made.digest in digests[name] for name in stages_of(made.maker)), made.title
 
 
 def test_the_libraries_contain_valid_trajectories(made):

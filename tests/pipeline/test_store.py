@@ -219,6 +219,14 @@ def test_artifacts_of_two_stages_are_recorded_once_costs_separately(store, monke
     tracker.log_model.assert_called_once_with("gan/eigen", artifact.digest, store.folder(artifact))
 
 
+def test_of_a_training_the_last_numbers_that_there_are_are_told(store, caplog):
+    caplog.set_level("INFO")
+    metrics = {"valid": [0.1, 0.0], "condition_valid": [9.0, None]}
+    artifact = replace(numbers(), metrics=lambda folder: metrics, alone=True)
+    run(store, artifact, tracker=Mock(recorded=set()))
+    assert "after 2 epochs: valid 0" in caplog.text and "condition_valid" not in caplog.text
+
+
 def test_what_a_run_made_before_it_fails_is_listed(store):
     def fail(build):
         raise KeyboardInterrupt

@@ -17,11 +17,11 @@ if TYPE_CHECKING:  # imports every room: too slow for `--help`
 class Stage:
     """A part of an experiment that can be run alone, once its inputs exist."""
 
-    # that are made together, in the order of recording
+    # what it makes, in the order in which MLflow records it
     artifacts: "Callable[[RunContext], Iterable[Artifact]]" = lambda run: ()
     # prints results, and writes them to the run's folder; None: there are none to show
     show: "Callable[[RunContext, Tracker], None] | None" = None
-    check: "Callable[[RunContext], object]" = lambda run: None  # may refuse a run before its first stage
+    check: "Callable[[RunContext], object]" = lambda run: None  # may raise, to refuse a run before any stage
 
 
 _MODULES = {  # the stages in each file of this folder

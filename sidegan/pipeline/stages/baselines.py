@@ -1,7 +1,4 @@
-"""Stages random and long: random trajectories, those of a short search, and a single long trajectory.
-
-Short trajectories by the long one's optimiser come with it.
-"""
+"""Stages random and long: random and searched trajectories; long ones, and short ones by their optimiser."""
 
 from contextlib import suppress
 from dataclasses import asdict, replace
@@ -34,7 +31,8 @@ _TRIES = 1000  # most draws per random trajectory
 _DRAWN, _VALID, _BISECTIONS = 400, 0.99, 12  # natural draws, their share to be valid, steps to find the reach
 _SEARCHED = 200  # trajectories of each search
 SEARCH, BOXED, _EVALUATIONS = "search-", "boxed-", (10, 40, 160)
-GRADIENT, _CHOICE = "gradient", 5  # optimiser of the single long trajectory; short ones for each one picked
+GRADIENT = "gradient"  # optimiser of the single long trajectory, and of short ones to compare
+_CHOICE = 5  # number of short ones for each that is picked
 
 
 def random_set(run: RunContext) -> Artifact:

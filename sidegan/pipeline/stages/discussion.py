@@ -60,8 +60,9 @@ def _estimate(run: RunContext, build: Build) -> None:
 def _refuse_few(seeds: int, coefficients: int) -> None:
     """Refuse a density estimate whose covariance would be singular by a ConfigError."""
     if seeds <= coefficients:
-        counts = f"{seeds} and {coefficients}"
-        raise ConfigError(f"a density estimate needs more seeds than coefficients: {counts}")
+        raise ConfigError(
+            f"a density estimate of {coefficients} coefficients needs more than that many seeds, not {seeds}"
+        )
 
 
 def _check_density(run: RunContext) -> None:

@@ -1,8 +1,8 @@
-"""Stages measures and variations: how well each set identifies an arm, or several, and is like the seeds.
+"""Stages measures and variations: how well each set identifies an arm, and how similar it is to the seeds.
 
 The error is that of identification from random draws of a set, expected on the test trajectories; unlike a
 pick, a draw does not favour the set's best. Similarity is to one half of the seeds; the seeds' own is that of
-the other half.
+the other half. Stage variations makes all this, and what it needs, for several arms or changes of settings.
 """
 
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ from sidegan.pipeline.stages.baselines import baselines, predicted, prediction
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
 
-_OF_EACH = ("seeds", "surrogates", "gan", "library", "random", "measures")  # stages of each of several runs
+_OF_EACH = ("seeds", "surrogates", "gan", "library", "random", "measures")  # stages of each variation
 _SMALLEST = 1e-6  # lower bound of a joint's torque, as a share of the largest joint's
 
 

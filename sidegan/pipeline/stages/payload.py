@@ -10,7 +10,7 @@ from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.payload import VALUES, drive_gains, identify_payload
+from sidegan.identification.payload import VALUES, Gains, drive_gains, identify_payload
 from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import Stage
@@ -83,13 +83,20 @@ def _show_gains(run: RunContext, tracker: Tracker) -> None:
     gains, deviation = found.gains.tolist(), found.deviation.tolist()
     joints = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}
     write_json(folder / "gains.json", {**joints, "gain": gains, "deviation": deviation})
-    shown = {"gain [N·m/A]": [f"{x:.4g}" for x in gains], "σ": [f"{x:.2g}" for x in deviation]}
-    table = pd.DataFrame(shown, pd.Index(arm.joint_names, name="joint"))
+    table = gains_table(arm, found)
     publish(table, folder / "gains", f"Drive gains of {arm.name} (load: {cfg.load.mass:g} kg)", tracker)
     for doubt in (doubts := found.doubts(arm, run.cfg.recording.reverse)):
         _log.warning("robot.gains cannot be set: %s", doubt)
     if not doubts:
-        _log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))
+        _log.info("robot.gains=[%s]", ",".join(table.iloc[:, 0]))
+
+
+def gains_table(arm: Arm, found: Gains) -> pd.DataFrame:
+    """Gains and their deviations as text, a row for each joint."""
+    units = dict.fromkeys("N/A" if slides else "N·m/A" for slides in arm.prismatic)
+    gains = [f"{x:.4g}" for x in found.gains.tolist()]
+    shown = {f"gain [{' or '.join(units)}]": gains, "σ": [f"{x:.2g}" for x in found.deviation.tolist()]}
+    return pd.DataFrame(shown, pd.Index(arm.joint_names, name="joint"))
 
 
 STAGES = {

@@ -148,7 +148,7 @@ def _combine(run: RunContext, build: Build, reading: Reading) -> None:
 
 
 def _fitted_norm(sums: Sums, seeds: Sums) -> float:
-    """‖diag (s Σ + 1/p₀)⁻¹‖ with Σ the information over the seeds' number of samples, and FITTED."""
+    """‖diag (s Σ + I/p₀)⁻¹‖ with p₀ and s of FITTED; Σ is the information per sample of the seeds."""
     prior, scale = FITTED
     information = sums.information.sum(0) / seeds.weight
     total = scale * information + np.eye(len(information)) / prior

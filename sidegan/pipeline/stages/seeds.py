@@ -71,9 +71,9 @@ def _shipped(run: RunContext) -> SeedBatch | None:
 
 
 def _metrics(folder: Path) -> Metrics:
-    """Numbers to record; of starts, as many as these seeds took.
+    """Numbers to record, with numbers of starts in proportion to these seeds.
 
-    The report of the first seeds of a shipped file has all starts of that file.
+    If they are the first of a shipped file, the report has the starts of the whole file.
     """
     numbers: dict[str, Any] = dict(report_and_history(folder))
     share = numbers["count"] / (numbers["attempts"] - numbers["failed"])

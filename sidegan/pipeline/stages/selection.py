@@ -53,8 +53,8 @@ def _union(run: RunContext, made: Library, random: np.random.Generator) -> dict[
     order = random.permutation(len(seeds) + len(made))[:_TOGETHER]
     of_seeds = order < len(seeds)
     both = seeds.take(order[of_seeds]).merge(made.take(order[~of_seeds] - len(seeds)))
-    shuffled = summary(both.take((~of_seeds).argsort(kind="stable").argsort()))
-    return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
+    mixed = summary(both.take((~of_seeds).argsort(kind="stable").argsort()))  # in the random order again
+    return {f"union_{key}": mixed[key] for key in ("distance", "distance_diagonal", "rank")}
 
 
 @dataclass(frozen=True)
