@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pkgutil import resolve_name
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from sidegan.base.conf import chosen
 from sidegan.base.typed import Count, Natural, NonNegative, Positive, PositiveShare, Share, Size, Width, build
@@ -211,8 +211,16 @@ class Variant:
         return {"variant": self.name, **{name: x for name, x in values.items() if name != "_target_"}}
 
 
+def _untaught(negatives: dict[str, Variant]) -> dict[str, Variant]:
+    """Refuse a variant that learns from surrogates itself."""
+    for name, variant in negatives.items():
+        if variant.features:
+            raise ConfigError(f"{name} learns from surrogates itself, expected a variant without, as vanilla")
+    return negatives
+
+
 # The variant whose samples surrogates learn from, by its name.
-Negatives = Annotated[dict[str, Variant], Field(min_length=1, max_length=1)]
+Negatives = Annotated[dict[str, Variant], Field(min_length=1, max_length=1), AfterValidator(_untaught)]
 
 
 @dataclass(frozen=True, kw_only=True)
