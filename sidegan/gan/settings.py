@@ -43,7 +43,7 @@ class TrainerSettings:
 
     def __post_init__(self) -> None:
         if self.devices != 1 and not (isinstance(self.devices, list) and len(self.devices) == 1):
-            raise ConfigError(f"trainer.devices is {self.devices}, expected 1, or the index of one, [0]")
+            raise ConfigError(f"devices is {self.devices}, expected 1, or the index of one, [0]")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ class Reward:
 
     def __post_init__(self) -> None:
         if not self.proportional + self.constant:
-            raise ConfigError("reward.proportional and reward.constant are 0, expected one of them above it")
+            raise ConfigError("proportional and constant are both 0, expected one of them above 0")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +167,7 @@ class Variant:
             if (getattr(self, group) is not None) != needed:
                 raise ConfigError(f"{self.name} {'needs' if needed else 'has no'} settings {group}")
         if self.refresh is not None and (self.published is not None or not self.features):
-            raise ConfigError(f"{self.name} has no surrogates to refresh: set refresh to null")
+            raise ConfigError(f"{self.name} does not refresh surrogates: refresh must be null, None in Python")
         later = "fitness" if self.features and start else ""
         if not any(weight for name, weight in vars(self.weights).items() if name != later):
             raise ConfigError("no loss has a weight in the first epoch, expected one of weights above 0")
