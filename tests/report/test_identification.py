@@ -52,7 +52,8 @@ def test_the_report_has_every_section(identified, read):
     for words in (
         "Identification of planar2", verdict, *identified.quality.reasons, "Use the consistent model",
         "1 gap", "750 samples", "shoulder", "elbow", identified.model.formulas[0],
-        "forearm", "nMSE, validation", "What counts", "arm", "0.0123", "0.029", "method: x", "sidegan.run identify",
+        "forearm", "nMSE, validation", "What counts", "arm", "0.0123", "0.029", "method: x",
+        "sidegan.run identify",
     ):  # fmt: skip
         assert words in read.text, words
     order = (verdict, "1 gap", "750 samples", "stands for")
