@@ -167,7 +167,7 @@ class Variant:
             if (getattr(self, group) is not None) != needed:
                 raise ConfigError(f"{self.name} {'needs' if needed else 'has no'} settings {group}")
         if self.refresh is not None and (self.published is not None or not self.features):
-            raise ConfigError(f"{self.name} does not refresh surrogates: refresh must be null, None in Python")
+            raise ConfigError(f"{self.name} refreshes no surrogates: refresh must be null, None in Python")
         later = "fitness" if self.features and start else ""
         if not any(weight for name, weight in vars(self.weights).items() if name != later):
             raise ConfigError("no loss has a weight in the first epoch, expected one of weights above 0")

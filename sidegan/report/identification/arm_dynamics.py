@@ -101,7 +101,8 @@ class ArmDynamics:
         before = () if single else arrays[0].shape[:-1]
         if any(x.shape != (*before, len(self.joints)) for x in arrays):
             shapes = ", ".join(str(x.shape) for x in arrays)
-            raise ValueError(f"states are {shapes}, expected ({'' if single else '…, '}{len(self.joints)}) each")
+            rows = "" if single else "…, "
+            raise ValueError(f"states are {shapes}, expected ({rows}{len(self.joints)}) each")
         return arrays
 
     def predict(self, frame: Any) -> Any:
