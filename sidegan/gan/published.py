@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
+from sidegan.base.storage import reading
 from sidegan.gan.networks import FromNoise
 from sidegan.gan.surrogates import learn, scores
 from sidegan.gan.tensors import read_tensors, write_network
@@ -212,6 +213,13 @@ def _split(count: int) -> tuple[Tensor, ...]:
 
 
 def read_weights(path: Path) -> dict[str, Tensor]:
-    """The authors' weights of a surrogate, by the names of its layers, and a scale of one."""
-    weights = {key: x.float() for key, x in read_tensors(path).items()}
-    return {"scale": torch.ones(len(weights["fc2.bias"])), **weights}
+    """The authors' weights of a surrogate, by the names of its layers, and a scale of one.
+
+    Raises:
+        ArtifactError: for a missing, damaged or foreign file.
+    """
+    with reading(path, "surrogate"):
+        weights = {key: x.float() for key, x in read_tensors(path).items()}
+        weights = {"scale": torch.ones(len(weights["fc2.bias"])), **weights}
+        ShallowNetwork(len(weights["conv2.bias"]), len(weights["scale"])).load_state_dict(weights)
+    return weights
