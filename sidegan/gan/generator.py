@@ -64,7 +64,7 @@ class TrajectoryGenerator(nn.Module):
         return self.limits(self.box(free))
 
     def images(self, count: int, stream: torch.Generator | None = None) -> Tensor:
-        """New images, (count, 2, …); corrections see motions before the limits, and their use of these."""
+        """New images, (count, 2, …), corrected by networks that see the motions before the limits layer."""
         images = self.network.sample(count, stream)
         for correction in self.corrections:
             images = images + correction(images, self.box(self.scaling.coefficients(images)))
@@ -140,8 +140,8 @@ class TrajectoryGenerator(nn.Module):
             joints, size = family.joints, 2 * family.harmonics
             published = content["published"]
             network = (ConvolutionalGenerator if published else DenseGenerator)(**content["network"])
-            ours = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
-            scaling = PublishedScaling(joints, family.harmonics) if published else ours
+            unfilled = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
+            scaling = PublishedScaling(joints, family.harmonics) if published else unfilled
             options = {name: content[name] for name in ("limited", "box", "corrections")}
             generator = cls(network, scaling, family, arm or _stored_limits(content), **options)
             generator.load_state_dict(content["weights"])

@@ -50,9 +50,9 @@ class ConvolutionalGenerator(FromNoise):
             ]
         self.layers = _initialised(nn.Sequential(*layers[:-2], nn.Tanh()))
 
-    def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
+    def sample(self, count: int, stream: torch.Generator | None = None) -> Tensor:
         """Images (count, 2, 7, 7), drawn in whole batches of the training's size."""
-        batches = [self(self.draw(self.batch, generator)) for _ in range(-(-count // self.batch))]
+        batches = [self(self.draw(self.batch, stream)) for _ in range(-(-count // self.batch))]
         return torch.cat(batches)[:count]
 
 
@@ -110,8 +110,8 @@ class PublishedScaling(Layout):
 class ShallowNetwork(nn.Module):
     """Maps images (B, 2, 7, 7) to outputs (B, n): two convolutions and a dense layer, for both surrogates.
 
-    ``scale`` is the unit of each output: one with the authors' weights, the features' medians with ours,
-    which reduces the number of training steps tenfold.
+    ``scale`` is the unit of each output: the features' medians in a converter that is trained here, which
+    reduces the number of training steps tenfold, and else one.
     """
 
     def __init__(self, channels: int, outputs: int) -> None:

@@ -16,7 +16,7 @@ _VARIANTS = "sidegan.gan.variants"
 
 
 class Traits(NamedTuple):
-    """What settings of a variant depend on its class, which takes torch to import."""
+    """Properties of a variant's class that its settings depend on; importing the class itself needs torch."""
 
     features: str | None = None  # predicted by its converter: a field of ``Labelled``
     groups: tuple[str, ...] = ()  # of settings that only some variants have
@@ -145,9 +145,9 @@ class Variant:
     epochs: Count  # of training; samples are measured by exact physics after each
     steps: Count | None  # discriminator steps per epoch; null: one pass over the seeds
     generator_steps: Count = 2  # per discriminator step
-    fitness_start: Natural = 0  # first epoch with the fitness loss
+    fitness_start: Natural = 0  # first epoch with the fitness loss; Exact has it from the first on
     diversity: PositiveShare = 1.0  # lower bound of the rank, as a share of the seeds' rank
-    reserve: Share = 0.0  # share of each limit, and of 0.1 m, to keep free by the success predictor
+    reserve: Share = 0.0  # share of each limit, and of 0.1 m, that our success predictor keeps free
     refresh: Refresh | None = None  # only our variants with surrogates; null: surrogates stay frozen
     exact: ExactPhysics | None = None  # only Exact
     reward: Reward | None = None  # only Exact and Predicting
@@ -215,11 +215,11 @@ def _untaught(negatives: dict[str, Variant]) -> dict[str, Variant]:
     """Refuse a variant that learns from surrogates itself."""
     for name, variant in negatives.items():
         if variant.features:
-            raise ConfigError(f"{name} learns from surrogates itself, expected a variant without, as vanilla")
+            raise ConfigError(f"{name} learns from surrogates itself, expected a variant such as vanilla")
     return negatives
 
 
-# The variant whose samples surrogates learn from, by its name.
+# The variant whose samples surrogates learn from, under its name.
 Negatives = Annotated[dict[str, Variant], Field(min_length=1, max_length=1), AfterValidator(_untaught)]
 
 
@@ -228,8 +228,7 @@ class SurrogateSettings:
     """Training of our success predictor and converters."""
 
     recipe: Literal["ours"] = "ours"  # the published one is for commands alone
-    # variant, under its name, whose samples they learn from in addition to the seeds
-    negatives: Negatives
+    negatives: Negatives  # whose samples they learn from in addition to the seeds
     samples: Count  # that are labelled by exact physics
     epochs: Count  # of each network's training
     width: Count = 128  # of the networks
@@ -251,7 +250,7 @@ class PublishedSurrogates:
 Surrogates = Annotated[SurrogateSettings | PublishedSurrogates, Field(discriminator="recipe")]
 
 
-# Whose defaults files in ``conf/`` begin with.
+# Dataclasses whose defaults files in ``conf/`` begin with, by the names that they have there.
 DEFAULTS = {
     "variant": Variant,
     "generator": GeneratorSettings,
