@@ -1,8 +1,8 @@
 r"""Training and sampling by the processor and by a GPU, as wall times: one JSON object.
 
     python -m benchmarks.device                    # where sidegan is installed
-    python -m benchmarks.device save task.pt       # there, for a machine with a GPU that has but torch,
-    python -m benchmarks.device task.pt            # pytorch-lightning, numba, scipy and pydantic: here
+    python -m benchmarks.device save task.pt       # there, for another machine with a GPU, which
+    python -m benchmarks.device task.pt            # needs torch, pytorch-lightning, numba, scipy, pydantic
 
 Training is that of variant eigen with untrained surrogates, without the physics after every epoch: that is
 the processor's work wherever the networks run.

@@ -74,7 +74,7 @@ def joints(size: int) -> Costs:
 
 
 def samples(size: int) -> Costs:
-    """So many samples of each trajectory, which validity does not know."""
+    """So many samples of each trajectory; validity has none."""
     return {"regressor": _small(_lwr(), samples=size)["regressor"]}
 
 
@@ -165,8 +165,8 @@ POINTS: dict[Callable[[int], Costs], list[int]] = {
 
 
 def main(name: str, *sizes: str) -> None:
-    """Costs of these sizes, one JSON object."""
-    work = globals()[name]
+    """Print the costs of these sizes of a work, one JSON object."""
+    work = {known.__name__: known for known in POINTS}[name]
     found = {}
     for size in sizes:
         with one_thread():

@@ -64,7 +64,8 @@ def _grow(known: dict[str, Any]) -> None:
     for work, sizes in POINTS.items():
         name = work.__name__
         missing = [str(size) for size in sizes if str(size) not in known.setdefault(name, {})]
-        for part in [[size] for size in missing] if name in _LARGE else [missing] if missing else []:
+        parts = [[size] for size in missing] if name in _LARGE else [missing]
+        for part in filter(None, parts):
             known[name] |= _grown(name, part)
 
 

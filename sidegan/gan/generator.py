@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.base.arrays import Array
+from sidegan.base.random import seed_of
 from sidegan.base.storage import reading
 from sidegan.errors import ArtifactError, ShapeError
 from sidegan.gan.networks import Correction, DenseGenerator, FromNoise
@@ -63,7 +64,7 @@ class TrajectoryGenerator(nn.Module):
         return self.limits(self.box(free))
 
     def images(self, count: int, stream: torch.Generator | None = None) -> Tensor:
-        """New images, (count, 2, …); corrections see motions before the limits, and their use of these."""
+        """New images, (count, 2, …), corrected by networks that see the motions before the limits layer."""
         images = self.network.sample(count, stream)
         for correction in self.corrections:
             images = images + correction(images, self.box(self.scaling.coefficients(images)))
@@ -71,10 +72,18 @@ class TrajectoryGenerator(nn.Module):
 
     @torch.no_grad()
     def sample(self, count: int, seed: int | torch.Generator = 0) -> Array:
-        """New coefficients [rad/s], (count, J, H, 2) float64, from a seed or the next numbers of a stream."""
-        if not isinstance(count, Integral) or count < 1:
+        """New coefficients [rad/s], (count, J, H, 2) float64, from a seed or the next numbers of a stream.
+
+        Raises:
+            ConfigError: when the seed is not a whole number ≥ 0.
+            ShapeError: when count is not a positive whole number.
+        """
+        if not isinstance(count, Integral) or isinstance(count, bool) or count < 1:
             raise ShapeError(f"cannot sample {count!r} trajectories, expected a positive whole number")
-        stream = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
+        if isinstance(seed, torch.Generator):
+            stream = seed
+        else:
+            stream = torch.Generator().manual_seed(seed_of(seed) % 2**64)  # torch's seeds have 64 bits
         return numpy_array(self.bounded(self.scaling.coefficients(self.images(count, stream))))
 
     def stream(self, seed: int) -> Callable[[int], Array]:
@@ -86,8 +95,14 @@ class TrajectoryGenerator(nn.Module):
         """New coefficients [rad/s], (count, J, H, 2), as MLflow calls it.
 
         ``wanted``: a dictionary, or a table with one row, of ``count`` and ``seed``, which is 0 if missing.
+
+        Raises:
+            ConfigError, ShapeError: of ``sample``, and when there is no count, or more than one row.
         """
-        return self.sample(*(np.asarray(wanted.get(name, 0)).item() for name in ("count", "seed")))
+        count, seed = np.ravel(wanted.get("count", ())), np.ravel(wanted.get("seed", 0))
+        if count.size != 1 or seed.size != 1:
+            raise ShapeError(f"there are {count.size} values of count and {seed.size} of seed, expected one")
+        return self.sample(count.item(), seed.item())
 
     def save(self, path: Path) -> None:
         """Write a file of tensors and plain values."""
@@ -125,8 +140,8 @@ class TrajectoryGenerator(nn.Module):
             joints, size = family.joints, 2 * family.harmonics
             published = content["published"]
             network = (ConvolutionalGenerator if published else DenseGenerator)(**content["network"])
-            ours = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
-            scaling = PublishedScaling(joints, family.harmonics) if published else ours
+            unfilled = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
+            scaling = PublishedScaling(joints, family.harmonics) if published else unfilled
             options = {name: content[name] for name in ("limited", "box", "corrections")}
             generator = cls(network, scaling, family, arm or _stored_limits(content), **options)
             generator.load_state_dict(content["weights"])

@@ -13,9 +13,9 @@ from torch.nn.functional import normalize, softplus
 from sidegan.base.arrays import Array, flatten, split
 from sidegan.design.fidelity import mean_cosine, mean_distance
 
-_PAIRS = 500  # seeds for the target of the mean distance
+_COMPARED = 500  # seeds for the target of the mean distance
 _BATCHES = 8  # batches of seeds for the target of the rank
-_IN_COMMON = 0.03  # upper bound of the target of the mean cosine
+_MOST_COSINE = 0.03  # upper bound of the target of the mean cosine
 _TINY = 1e-9  # share of the squares below which a direction does not count
 
 
@@ -83,18 +83,18 @@ class Adversary(nn.Module):
 
 def missing_distance(seeds: Array) -> Value:
     """Missing share of the mean distance between trajectories, 0 if it reaches that of the seeds."""
-    target = mean_distance(seeds[:_PAIRS])
+    target = mean_distance(seeds[:_COMPARED])
     return lambda batch: (1 - torch.pdist(batch.coefficients.flatten(1)).mean() / target).clamp_min(0)
 
 
 def common_offset(seeds: Array) -> Value:
-    """Excess of the mean cosine between trajectories over that of the seeds: a common offset of a batch.
+    """Excess of the mean cosine between trajectories over the seeds', or over 0.03 if theirs is larger.
 
-    Distances and covariances do not detect an offset. It is measured before the box, since the gradient
-    vanishes for coefficients at the box's edge. If home is at the edge of a range, seeds may have a larger
-    offset than a generator needs.
+    It shows a common offset of a batch, which distances and covariances do not detect. It is measured before
+    the box, since the gradient vanishes for coefficients at the box's edge. Seeds may have a larger offset
+    than a generator needs, as where home is at the edge of a range.
     """
-    target = min(max(mean_cosine(seeds), 0.0), _IN_COMMON)
+    target = min(max(mean_cosine(seeds), 0.0), _MOST_COSINE)
 
     def excess(batch: Batch) -> Tensor:
         count = len(batch.free)

@@ -27,19 +27,19 @@ class FromNoise(nn.Module):
     settings: dict[str, int]  # constructor arguments
     layers: nn.Sequential
 
-    def draw(self, count: int, generator: torch.Generator | None = None) -> Tensor:
-        """Noise (count, Z) on the network's device."""
+    def draw(self, count: int, stream: torch.Generator | None = None) -> Tensor:
+        """Noise (count, Z) on the network's device, of torch's own random numbers if there is no stream."""
         parameter = next(self.parameters())
-        z = torch.rand(count, self.noise, generator=generator, dtype=parameter.dtype)
+        z = torch.rand(count, self.noise, generator=stream, dtype=parameter.dtype)
         return (2 * z - 1).to(parameter.device)
 
     def forward(self, z: Tensor) -> Tensor:
         """Images (B, 2, …)."""
         return self.layers(z)
 
-    def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
+    def sample(self, count: int, stream: torch.Generator | None = None) -> Tensor:
         """Images of new noise, (count, …)."""
-        return self(self.draw(count, generator))
+        return self(self.draw(count, stream))
 
 
 class DenseGenerator(FromNoise):
@@ -125,8 +125,8 @@ class RollOut(nn.Module):
         super().__init__()
         self.steps = steps
         self.orders = [1, *(DERIVATIVE_ORDER[name] for name in arm.higher_limits)]
-        self.linear = 1 + len(self.orders)
-        self.channels = 5 * arm.joints + self.linear
+        self.limit_kinds = 1 + len(self.orders)
+        self.channels = 5 * arm.joints + self.limit_kinds
         times = trajectory.grid(steps * _PEAKS)
         fine = np.stack([flatten(trajectory.basis(times, order), 1) for order in range(4)])
         # basis of the positions and of the derivatives in ``orders``, (L, P T, 2 H), and of the accelerations
@@ -140,7 +140,7 @@ class RollOut(nn.Module):
     def forward(self, c: Tensor) -> Tensor:
         """Channels (B, 5 J + L, T)."""
         x = c.flatten(2)
-        motion = (x @ self.basis.flatten(0, 1).T).unflatten(2, (self.linear, -1))
+        motion = (x @ self.basis.flatten(0, 1).T).unflatten(2, (self.limit_kinds, -1))
         q, *rates = motion.unbind(2)
         q = q + self.home[:, None]
         used = (q - self.middle[:, None]) / self.room[:, None]

@@ -23,7 +23,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
 
-_DISTANCE = 0.1  # clearance equivalent to a whole joint range [m]
+_DISTANCE = 0.1  # clearance that counts like half a joint's range [m]
 _CLIP = 1.0  # larger scaled margins carry no information about validity
 _LABELLED = 250  # samples to label at once
 _SMALLEST, _LARGEST = 0.8, 1.2  # range of random scales of the samples

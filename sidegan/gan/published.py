@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
+from sidegan.base.storage import reading
 from sidegan.gan.networks import FromNoise
 from sidegan.gan.surrogates import learn, scores
 from sidegan.gan.tensors import read_tensors, write_network
@@ -49,9 +50,9 @@ class ConvolutionalGenerator(FromNoise):
             ]
         self.layers = _initialised(nn.Sequential(*layers[:-2], nn.Tanh()))
 
-    def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
+    def sample(self, count: int, stream: torch.Generator | None = None) -> Tensor:
         """Images (count, 2, 7, 7), drawn in whole batches of the training's size."""
-        batches = [self(self.draw(self.batch, generator)) for _ in range(-(-count // self.batch))]
+        batches = [self(self.draw(self.batch, stream)) for _ in range(-(-count // self.batch))]
         return torch.cat(batches)[:count]
 
 
@@ -109,8 +110,8 @@ class PublishedScaling(Layout):
 class ShallowNetwork(nn.Module):
     """Maps images (B, 2, 7, 7) to outputs (B, n): two convolutions and a dense layer, for both surrogates.
 
-    ``scale`` is the unit of each output: one with the authors' weights, the features' medians with ours,
-    which reduces the number of training steps tenfold.
+    ``scale`` is the unit of each output: the features' medians in a converter that is trained here, which
+    reduces the number of training steps tenfold, and else one.
     """
 
     def __init__(self, channels: int, outputs: int) -> None:
@@ -212,6 +213,13 @@ def _split(count: int) -> tuple[Tensor, ...]:
 
 
 def read_weights(path: Path) -> dict[str, Tensor]:
-    """The authors' weights of a surrogate, by the names of its layers, and a scale of one."""
-    weights = {key: x.float() for key, x in read_tensors(path).items()}
-    return {"scale": torch.ones(len(weights["fc2.bias"])), **weights}
+    """The authors' weights of a surrogate, by the names of its layers, and a scale of one.
+
+    Raises:
+        ArtifactError: for a missing, damaged or foreign file.
+    """
+    with reading(path, "surrogate"):
+        weights = {key: x.float() for key, x in read_tensors(path).items()}
+        weights = {"scale": torch.ones(len(weights["fc2.bias"])), **weights}
+        ShallowNetwork(len(weights["conv2.bias"]), len(weights["scale"])).load_state_dict(weights)
+    return weights

@@ -66,7 +66,7 @@ def violation(problem: Problem, c: Tensor, penalty: Penalty) -> Tensor:
     """Penalty of violated constraints, (B,): squared relative violations, mean over time."""
     none = np.zeros((len(c), 0, problem.body.parameters_count))
     value, gradient = pull_back(problem, numpy_array(c), none, none[:, :, 0], penalty)
-    zero = (torch.tensor(gradient).to(c) * (c - c.detach())).sum((1, 2, 3))  # with this gradient
+    zero = (torch.tensor(gradient).to(c) * (c - c.detach())).sum((1, 2, 3))  # for its gradient
     return torch.tensor(value).to(c) + zero  # not every device has double precision
 
 

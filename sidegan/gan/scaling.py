@@ -102,11 +102,11 @@ class LimitLayer(nn.Module):
         above, below = (_largest(side, x, bases[0]) for side in (torch.positive, torch.neg))
         peaks = {order: _largest(torch.abs, x, bases[order]) for order in (1, 2, 3)}
         bounds = peaks[2] + between * snap, peaks[3] + self.gap / 2 * snap, snap, crackle
-        beyond = [between * bound for bound in bounds]  # the samples, by order
+        excess = [between * bound for bound in bounds]  # of each derivative over its samples, at most
         upper, lower = self.room.to(c)
-        use = torch.maximum((above + beyond[0]) / upper, (below + beyond[0]) / lower)
+        use = torch.maximum((above + excess[0]) / upper, (below + excess[0]) / lower)
         for order, limit in zip(self.orders, self.limits.to(c)):
-            use = torch.maximum(use, (peaks[order] + beyond[order]) / limit)
+            use = torch.maximum(use, (peaks[order] + excess[order]) / limit)
         return use
 
 

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pkgutil import resolve_name
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from sidegan.base.conf import chosen
 from sidegan.base.typed import Count, Natural, NonNegative, Positive, PositiveShare, Share, Size, Width, build
@@ -16,7 +16,7 @@ _VARIANTS = "sidegan.gan.variants"
 
 
 class Traits(NamedTuple):
-    """What settings of a variant depend on its class, which takes torch to import."""
+    """Properties of a variant's class that its settings depend on; importing the class itself needs torch."""
 
     features: str | None = None  # predicted by its converter: a field of ``Labelled``
     groups: tuple[str, ...] = ()  # of settings that only some variants have
@@ -43,7 +43,7 @@ class TrainerSettings:
 
     def __post_init__(self) -> None:
         if self.devices != 1 and not (isinstance(self.devices, list) and len(self.devices) == 1):
-            raise ConfigError(f"trainer.devices is {self.devices}, expected 1, or the index of one, [0]")
+            raise ConfigError(f"devices is {self.devices}, expected 1, or the index of one, [0]")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ class Reward:
 
     def __post_init__(self) -> None:
         if not self.proportional + self.constant:
-            raise ConfigError("reward.proportional and reward.constant are 0, expected one of them above it")
+            raise ConfigError("proportional and constant are both 0, expected one of them above 0")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,9 +145,9 @@ class Variant:
     epochs: Count  # of training; samples are measured by exact physics after each
     steps: Count | None  # discriminator steps per epoch; null: one pass over the seeds
     generator_steps: Count = 2  # per discriminator step
-    fitness_start: Natural = 0  # first epoch with the fitness loss
+    fitness_start: Natural = 0  # first epoch with the fitness loss; Exact has it from the first on
     diversity: PositiveShare = 1.0  # lower bound of the rank, as a share of the seeds' rank
-    reserve: Share = 0.0  # share of each limit, and of 0.1 m, to keep free by the success predictor
+    reserve: Share = 0.0  # share of each limit, and of 0.1 m, that our success predictor keeps free
     refresh: Refresh | None = None  # only our variants with surrogates; null: surrogates stay frozen
     exact: ExactPhysics | None = None  # only Exact
     reward: Reward | None = None  # only Exact and Predicting
@@ -167,7 +167,7 @@ class Variant:
             if (getattr(self, group) is not None) != needed:
                 raise ConfigError(f"{self.name} {'needs' if needed else 'has no'} settings {group}")
         if self.refresh is not None and (self.published is not None or not self.features):
-            raise ConfigError(f"{self.name} has no surrogates to refresh: set refresh to null")
+            raise ConfigError(f"{self.name} refreshes no surrogates: refresh must be null, None in Python")
         later = "fitness" if self.features and start else ""
         if not any(weight for name, weight in vars(self.weights).items() if name != later):
             raise ConfigError("no loss has a weight in the first epoch, expected one of weights above 0")
@@ -211,8 +211,16 @@ class Variant:
         return {"variant": self.name, **{name: x for name, x in values.items() if name != "_target_"}}
 
 
-# The variant whose samples surrogates learn from, by its name.
-Negatives = Annotated[dict[str, Variant], Field(min_length=1, max_length=1)]
+def _untaught(negatives: dict[str, Variant]) -> dict[str, Variant]:
+    """Refuse a variant that learns from surrogates itself."""
+    for name, variant in negatives.items():
+        if variant.features:
+            raise ConfigError(f"{name} learns from surrogates itself, expected a variant such as vanilla")
+    return negatives
+
+
+# The variant whose samples surrogates learn from, under its name.
+Negatives = Annotated[dict[str, Variant], Field(min_length=1, max_length=1), AfterValidator(_untaught)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,8 +228,7 @@ class SurrogateSettings:
     """Training of our success predictor and converters."""
 
     recipe: Literal["ours"] = "ours"  # the published one is for commands alone
-    # variant, under its name, whose samples they learn from in addition to the seeds
-    negatives: Negatives
+    negatives: Negatives  # whose samples they learn from in addition to the seeds
     samples: Count  # that are labelled by exact physics
     epochs: Count  # of each network's training
     width: Count = 128  # of the networks
@@ -243,7 +250,7 @@ class PublishedSurrogates:
 Surrogates = Annotated[SurrogateSettings | PublishedSurrogates, Field(discriminator="recipe")]
 
 
-# Whose defaults files in ``conf/`` begin with.
+# Dataclasses whose defaults files in ``conf/`` begin with, by the names that they have there.
 DEFAULTS = {
     "variant": Variant,
     "generator": GeneratorSettings,

@@ -55,7 +55,7 @@ class SideGAN(pl.LightningModule):
         name: of the variant, for messages.
     """
 
-    share = 1.0  # completed share of the training; outside of one, weights of losses are the final ones
+    share = 1.0  # completed share of the training; 1 outside of a training: final weights of losses
     energies: Energies | None = None  # for exact labels, set by a variant whose converter predicts them
 
     def __init__(self, settings: Variant, data: Data, name: str = "sidegan") -> None:
@@ -110,7 +110,7 @@ class SideGAN(pl.LightningModule):
 
     @property
     def adversaries(self) -> dict[Adversary, float]:
-        """Discriminators with the current weight of each: without one it does not learn."""
+        """Discriminators, each with its current weight; one of weight 0 does not learn."""
         return {loss.value: loss.weight for loss in self.losses() if isinstance(loss.value, Adversary)}
 
     @property
@@ -207,5 +207,5 @@ class SideGAN(pl.LightningModule):
         checkpoint["random"] = torch.get_rng_state()
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Restore it, so that a resumed training gives the same result as an uninterrupted one."""
+        """Restore the random state, so that a resumed training gives the result of an uninterrupted one."""
         torch.set_rng_state(checkpoint["random"])

@@ -36,7 +36,7 @@ class SuccessPredictor(nn.Module):
     def __init__(self, arm: Arm, trajectory: Trajectory, constraints: int, width: int, steps: int) -> None:
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
-        learned = constraints - self.roll_out.linear  # number of margins
+        learned = constraints - self.roll_out.limit_kinds  # number of margins
         self.layers = _PerTime(self.roll_out.channels, width, width, width, learned) if learned else None
         self.log_gain = nn.Parameter(torch.full((constraints,), _START_GAIN))
         self.offset = nn.Parameter(torch.zeros(constraints))
@@ -44,7 +44,7 @@ class SuccessPredictor(nn.Module):
     def margins(self, c: Tensor) -> Tensor:
         """Predicted margins over time, (B, G, T), in the units of ``pretraining.scaled_margins``."""
         channels = self.roll_out(c)
-        linear = 1 - channels[:, -self.roll_out.linear :]
+        linear = 1 - channels[:, -self.roll_out.limit_kinds :]
         return linear if self.layers is None else torch.cat([linear, self.layers(channels)], 1)
 
     def forward(self, c: Tensor) -> Tensor:
@@ -158,6 +158,7 @@ def learn(
 
 
 def _logs(features: Tensor) -> Tensor:
+    """Logarithms of positive features, in single precision."""
     return features.clamp_min(_TINY).log().float()
 
 

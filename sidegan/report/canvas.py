@@ -63,7 +63,7 @@ def logarithmic(axis: Axes, which: Literal["x", "y"] = "y") -> None:
 
 
 def from_zero(axis: Axes, shares: pd.Series) -> None:
-    """Set a logarithmic y axis for shares, which is linear from zero to the decade of the least above it."""
+    """Set a logarithmic y axis for shares, linear from 0 to the decade of the least positive one."""
     least = 10.0 ** np.floor(np.log10(1.001 * shares.where(shares > 0, 1.0).min()))
     axis.set_yscale("symlog", linthresh=least, linscale=0.3)
     axis.set_ylim(-0.2 * least)

@@ -51,7 +51,7 @@ def write_page(
 
 
 def rendered(path: Path, filters: Mapping[str, Callable[..., str]], **context: Any) -> bytes:
-    """A template, which may include others of its folder and of this room; undefined names are errors."""
+    """A filled template, which may include others of its folder and of this room; undefined names fail."""
     environment = Environment(
         loader=FileSystemLoader([path.parent, Path(__file__).parent]),
         undefined=StrictUndefined,

@@ -30,7 +30,7 @@ _VIEW = {"elev": 22.0, "azim": -58.0}
 _SPACE: dict[str, Any] = {"projection": "3d", "computed_zorder": False}
 _WIDTH, _HEIGHT = 2.9, 2.5  # [inch] of a panel
 _POSE = 1.6, 1.65  # [inch] of a panel with a pose
-_DESK = 0.55  # its desk, as a share of the limits
+_DESK = 0.55  # size of the desk in a panel with a pose, as a share of the limits
 
 
 class Bundle(NamedTuple):
@@ -89,7 +89,7 @@ def poses(arm: Arm, family: Trajectory, coefficients: Array, count: int) -> Figu
 def surfaces(arm: Arm, q: Array) -> Array:
     """Triangles [m], (N, F, 3, 3), of the arm's capsules at positions (N, J) [rad or m]."""
     capsules, parts = arm.capsules, []
-    radii = np.maximum(capsules.radius, _ROOM)  # of a point of a link without shapes
+    radii = np.maximum(capsules.radius, _ROOM)  # a link without shapes has points of radius 0
     for link, a, b, radius in zip(capsules.link, capsules.a, capsules.b, radii.tolist()):
         vertices, faces = capsule_surface(a, b, radius)
         parts.append(place_points(arm, q.T, vertices, np.full(len(vertices), link)).T[:, faces])

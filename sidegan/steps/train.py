@@ -59,9 +59,7 @@ class Generator:
             ConfigError: when the seed is not a whole number ≥ 0.
             ShapeError: when count is not a positive whole number.
         """
-        if isinstance(count, bool):
-            raise ShapeError(f"cannot sample {count} trajectories, expected a positive whole number")
-        return self.network.sample(count, seed_of(seed) % 2**64)  # torch's seeds have 64 bits
+        return self.network.sample(count, seed_of(seed))
 
     def save(self, path: str | Path) -> None:
         """Write a file of tensors and plain values.

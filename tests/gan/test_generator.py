@@ -3,10 +3,11 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
-from sidegan.errors import ArtifactError, ShapeError
+from sidegan.errors import ArtifactError, ConfigError, ShapeError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.networks import DenseGenerator
 from sidegan.robot import load_robot
@@ -70,9 +71,22 @@ def test_a_file_of_another_arm_and_impossible_counts_are_refused(generator, arm,
     generator.save(tmp_path / "g.pt")
     with refused(ArtifactError, "g.pt", "planar2", "kuka_lwr4"):
         TrajectoryGenerator.load(tmp_path / "g.pt", arm)
-    for count in (0, 1.5):
+    for count in (0, 1.5, True):
         with refused(ShapeError, str(count)):
             generator.sample(count)
+    for seed in (1.5, -1, "one"):
+        with refused(ConfigError, "seed", str(seed)):
+            generator.sample(2, seed)
+
+
+def test_mlflow_asks_for_one_row_of_count_and_seed(generator):
+    expected = generator.sample(3, np.int64(2**32 + 1))
+    for wanted in ({"count": 3, "seed": 2**32 + 1}, pd.DataFrame({"count": [3], "seed": [2**32 + 1]})):
+        assert np.array_equal(generator.predict(wanted), expected)
+    assert np.array_equal(generator.predict({"count": 3}), generator.sample(3, 0))
+    for wanted in ({"seed": 1}, pd.DataFrame({"count": [3, 4]})):
+        with refused(ShapeError, "count"):
+            generator.predict(wanted)
 
 
 def test_a_file_with_a_wrong_bit_is_refused_unless_it_changes_nothing(generator, planar, tmp_path):

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from sidegan.base.typed import changed
+from sidegan.errors import ArtifactError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.published import (
     IMAGE,
@@ -27,6 +28,7 @@ from sidegan.seeding.published import WEIGHTS, Layout, PublishedSeeds
 from sidegan.validity import Constraints, check
 from tests.gan.conftest import with_surrogates
 from tests.golden.make import DATA
+from tests.refusals import refused
 from tests.tiny import tiny
 
 FAMILY = Trajectory(7, 6, 2 * math.pi / 0.4)
@@ -125,6 +127,17 @@ def test_the_success_weight_grows_after_fitness_start(papers, variants, monkeypa
         monkeypatch.setattr(PublishedEigen, "current_epoch", epoch)
         weights.append([loss.weight for loss in model.losses()])
     assert weights == [pytest.approx(x) for x in ([0.5, 1, 0.5, 0], [0.5, 1, 0.5, 2], [0.5, 1.6, 0.5, 2])]
+
+
+OTHER_SHAPE = PublishedConverter(5).state_dict() | {"fc2.weight": torch.ones(5, 3)}
+
+
+@pytest.mark.parametrize("content", [[1], {"a": torch.ones(2)}, {"fc2.bias": torch.ones(2)}, OTHER_SHAPE])
+def test_weights_of_another_network_are_refused(content, tmp_path):
+    path = tmp_path / "weights.pth"
+    torch.save(content, path)
+    with refused(ArtifactError, str(path)):
+        read_weights(path)
 
 
 @pytest.mark.skipif(not AUTHORS.exists(), reason="the authors' weights are not at hand")

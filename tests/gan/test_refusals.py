@@ -12,6 +12,7 @@ from sidegan.gan.training import TrainingRun, random_trajectories, train_variant
 from sidegan.validity import Constraints, Plane
 from tests.gan.conftest import NONE, REFRESH
 from tests.refusals import refused
+from tests.tiny import tiny
 
 PHYSICS, REWARD = {"samples": 9, "reserve": 0}, {"proportional": 1, "constant": 0}
 FIT = asdict(replace(NONE, fitness=1))
@@ -46,13 +47,13 @@ def named(name: str) -> dict[str, str]:
             ["fitness_start 9", "9 epochs"],
         ),
         ({**EXACT, "reward": None}, ["Exact", "reward"]),
-        ({**EXACT, "reward": {**REWARD, "proportional": 0}}, ["reward.proportional", "reward.constant"]),
+        ({**EXACT, "reward": {**REWARD, "proportional": 0}}, ["reward: proportional", "constant"]),
         ({"reward": REWARD}, ["Vanilla", "reward"]),
         (named("Predicting"), ["Predicting", "reward"]),
         ({**EXACT, "exact": None}, ["Exact", "settings exact"]),
         ({"exact": PHYSICS}, ["Vanilla", "exact"]),
         ({"published": {"fitness": "ratio"}}, ["Vanilla", "published"]),
-        ({"refresh": asdict(REFRESH)}, ["Vanilla", "refresh"]),
+        ({"refresh": asdict(REFRESH)}, ["Vanilla", "refresh", "None"]),
         (named("PublishedEigen"), ["PublishedEigen", "settings published"]),
         (
             {**named("PublishedEigen"), "published": {"fitness": "ratio"}, "refresh": asdict(REFRESH)},
@@ -72,6 +73,12 @@ def test_impossible_variants_are_refused(vanilla, settings, names):
 def test_a_choice_of_several_variants_is_no_variant():
     with refused(ConfigError, "'paper'", "gan=paper is vanilla, eigen, diagonal"):
         variant_recipe("paper")
+
+
+@pytest.mark.parametrize("recipe", [(), ("condition=published", "seeds.folder=none")])
+def test_surrogates_cannot_learn_from_a_variant_that_needs_them(recipe):
+    with refused(ConfigError, "surrogates.negatives", "eigen"):
+        tiny(*recipe, "gan@surrogates.negatives=eigen")
 
 
 @pytest.mark.parametrize("settings", [named("Colour"), {"weights": {"rank": 1}}, {"weights": NONE}])

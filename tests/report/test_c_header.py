@@ -83,6 +83,19 @@ def test_the_header_computes_what_the_python_class_does(name, kinds, arm, tmp_pa
     assert_close(masses, [model.mass_matrix(q) for q in states[0]])
 
 
+def test_states_of_another_shape_are_refused_by_the_python_class(planar, tmp_path):
+    model, pair, several = write(tmp_path, planar, ("offset",)), np.ones(2), np.ones((3, 2))
+    for call, states, shape in (
+        (model.torque, (several, several, pair), "(3, 2), (3, 2), (2,)"),
+        (model.friction, (several, pair, pair), "(3, 2), (2,), (2,)"),
+        (model.friction, (1, 1, 1), "(), (), ()"),
+        (model.gravity, (several,), "(3, 2)"),
+        (model.mass_matrix, (np.ones(3),), "(3,)"),
+    ):
+        with pytest.raises(ValueError, match=re.escape(f"states are {shape}, expected")):
+            call(*states)
+
+
 @pytest.mark.parametrize("language", COMPILERS)
 def test_names_of_users_stay_in_the_comment(language, planar, tmp_path):
     names = "*/ #error /*", "/*/ ä\n#error {{ q }}"

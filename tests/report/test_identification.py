@@ -52,7 +52,8 @@ def test_the_report_has_every_section(identified, read):
     for words in (
         "Identification of planar2", verdict, *identified.quality.reasons, "Use the consistent model",
         "1 gap", "750 samples", "shoulder", "elbow", identified.model.formulas[0],
-        "forearm", "nMSE, validation", "arm", "0.0123", "0.029", "method: x", "sidegan.run identify",
+        "forearm", "nMSE, validation", "What counts", "arm", "0.0123", "0.029", "method: x",
+        "sidegan.run identify",
     ):  # fmt: skip
         assert words in read.text, words
     order = (verdict, "1 gap", "750 samples", "stands for")
@@ -84,8 +85,8 @@ def test_empty_sections_are_left_out(identified, monkeypatch):
     pulled = replace(identified.quality, other_gravity=True)
     changed = replace(identified, quality=pulled, tested=identified.trained)
     text = Page(report_html(changed, ORIGIN, FILES).decode()).text
-    assert "nMSE, validation" not in text
-    assert "1 more recordings are not shown" in text and "Use none of these models" in text
+    assert "nMSE, validation" not in text and "What counts" not in text
+    assert "not shown: 1." in text and "Use none of these models" in text
 
 
 NUMBERS = {1.23456: "1.235", -2.5e-7: "-2.5e-7", 1.5e12: "1.5e12", -3e-17: "0", np.nan: "—", np.inf: "—"}

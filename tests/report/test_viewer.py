@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import zlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ import pytest
 import trimesh
 
 from sidegan.motion.trajectory import Trajectory
+from sidegan.report import viewer
 from sidegan.report.viewer.page import fewer, region_surface, write_view
 from sidegan.robot.visuals import Surface
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
@@ -22,6 +24,18 @@ from tests.report.pages import Page
 FAMILY = Trajectory(2, 3, 8.0)
 REGIONS = (Plane((0.0, 0.0, 1.0), -0.5), Box((0.5, -0.1, 0.0), (0.9, 0.1, 0.3)))
 TABLE = pd.DataFrame({"cond(YᵀY)": ["7", "8", "9"]}, pd.RangeIndex(1, 4, name="trajectory"))
+RESIZED = """
+let resets = 0;
+const space = Object.assign(Object.create(Space.prototype), {
+  canvas: {}, renderer: { setPixelRatio() {}, setSize() {} }, reset() { resets++; },
+  camera: { aspect: 1, updateProjectionMatrix() {} },
+});
+for (const clientWidth of [800, 600, 900]) {
+  space.canvas.parentElement = { clientWidth, clientHeight: 600 };
+  space.resize();
+}
+console.log(resets, space.camera.aspect);
+"""
 EVIL = "</script><script>alert('joint & more')</script><!--"
 
 
@@ -126,6 +140,14 @@ def test_region_surfaces_face_outwards_and_enclose_the_region():
         a, b, c = (part.vertices[part.faces[:, k]] for k in range(3))
         found = float((np.cross(a, b) * c).sum() / 6)
         assert found > 0 and (volume is None or found == pytest.approx(volume, rel=0.02))
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+def test_a_window_that_was_square_keeps_its_view_when_it_is_resized():
+    scene = (Path(viewer.__file__).parent / "scene.js").read_text(encoding="utf-8")
+    source = f"globalThis.window = {{}};{scene}{RESIZED}"
+    ran = subprocess.run(["node", "-e", source], capture_output=True, text=True, check=True)
+    assert ran.stdout.split() == ["0", "1.5"]
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs a browser")

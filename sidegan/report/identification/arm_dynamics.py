@@ -51,10 +51,7 @@ class ArmDynamics:
 
     def torque(self, q: Vector, dq: Vector, ddq: Vector) -> Vector:
         """Torque [N·m or N], (…, J), at positions [rad or m], velocities and accelerations, (…, J) each."""
-        states = [np.asarray(x, dtype=float) for x in (q, dq, ddq)]
-        if any(x.shape != states[0].shape or x.shape[-1:] != (len(self.joints),) for x in states):
-            shapes = ", ".join(str(x.shape) for x in states)
-            raise ValueError(f"states are {shapes}, expected three times (…, {len(self.joints)})")
+        states = self._checked(q, dq, ddq)
         rows = zip(*(x.reshape(-1, len(self.joints)) for x in states))
         rigid = [self._pinocchio.rnea(self.model, self._data, *row).copy() for row in rows]
         moved = np.reshape(rigid, states[0].shape)
@@ -65,7 +62,7 @@ class ArmDynamics:
 
         At positions, velocities, and torques of rigid bodies and rotors, (…, J) each.
         """
-        q, dq, rigid = (np.asarray(x, float) for x in (q, dq, rigid))
+        q, dq, rigid = self._checked(q, dq, rigid)
         still = np.zeros(len(self.joints))
         viscous, coulomb, offset = (self._terms.get(name, still) for name in ("viscous", "coulomb", "offset"))
         sign = np.tanh(dq / self._sign_width)
@@ -88,15 +85,25 @@ class ArmDynamics:
 
     def gravity(self, q: Vector) -> Vector:
         """Torque [N·m or N], (J,), that holds the arm still at positions (J,), without friction."""
-        still = np.zeros(len(self.joints))
-        return self._pinocchio.rnea(self.model, self._data, np.asarray(q, float), still, still)
+        (q,), still = self._checked(q, single=True), np.zeros(len(self.joints))
+        return self._pinocchio.rnea(self.model, self._data, q, still, still)
 
     def mass_matrix(self, q: Vector) -> Vector:
         """Joint-space inertia with rotors [kg·m² or kg], (J, J), at positions (J,)."""
-        rnea, q, still = self._pinocchio.rnea, np.asarray(q, float), np.zeros(len(self.joints))
+        (q,), rnea, still = self._checked(q, single=True), self._pinocchio.rnea, np.zeros(len(self.joints))
         # By rows, since Pinocchio's crba adds up links, whose masses may be negative here.
         rows = [rnea(self.model, self._data, q, still, unit).copy() for unit in np.eye(len(q))]
         return np.array(rows) - self.gravity(q)
+
+    def _checked(self, *given: Vector, single: bool = False) -> list[Vector]:
+        """Arrays of floats, (…, J) each, or (J,) of a single state; a ValueError for any other shape."""
+        arrays = [np.asarray(x, dtype=float) for x in given]
+        before = () if single else arrays[0].shape[:-1]
+        if any(x.shape != (*before, len(self.joints)) for x in arrays):
+            shapes = ", ".join(str(x.shape) for x in arrays)
+            rows = "" if single else "…, "
+            raise ValueError(f"states are {shapes}, expected ({rows}{len(self.joints)}) each")
+        return arrays
 
     def predict(self, frame: Any) -> Any:
         """Table of torques ``tau_<joint>`` [N·m or N] of one with a row per state, as MLflow calls it.

@@ -12,14 +12,14 @@ from sidegan.recording.grid import low_pass
 from sidegan.recording.recording import Segment
 from sidegan.robot import torque_of_mjcf, torque_of_urdf
 
-_SAMPLES = 100_000  # of all stretches together, from the beginning of each: a few seconds of work
+_SAMPLES = 100_000  # that all stretches have together, each cut to its beginning: a few seconds of work
 
 
 def file_errors(identified: IdentifiedArm, urdf: Path, mjcf: Path, source: Path) -> dict[str, Score]:
-    """Errors of the URDF, the MJCF and the Python class in ``source``, by name, on the validation.
+    """Errors of the URDF, the MJCF and the Python class in ``source``, by the names of these files.
 
-    On the training data if there is none. Torques are low-passed like the measured ones: friction that jumps
-    does not predict those.
+    On the validation data, or on the training data if there is none. Predicted torques are low-passed like
+    the measured ones, in which friction does not jump.
     """
     arm = identified.model.arm
     readers = {

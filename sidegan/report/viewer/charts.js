@@ -24,7 +24,7 @@ class Chart {
     this.cursor.style.left = `calc(${LEFT}px + ${part} * (100% - ${LEFT + RIGHT}px))`;
   }
 
-  // The curves of a trajectory: a list of numbers, a colour and a weight for each.
+  // The curves of a trajectory: values, a colour, and whether it is faint, for each; marks are labelled horizontal lines.
   show(lines, low, high, marks) {
     Object.assign(this, { lines, low, high, marks });
     this.draw();

@@ -1,4 +1,4 @@
-// What the page is about: plain values from JSON, arrays from one deflated block.
+// The page's data: plain values from JSON, arrays from one deflated block.
 async function readData() {
   const head = JSON.parse(document.getElementById("data").textContent);
   const text = atob(document.getElementById("arrays").textContent.trim());
@@ -12,7 +12,7 @@ async function readData() {
   return { ...head, arrays };
 }
 
-// One signal of one joint at a time in samples, as a share of its limit, between samples on a line.
+// A joint's signal as a share of its limit, at a time in samples; linear between samples.
 function share(data, name, trajectory, sample, joint) {
   const joints = data.joints.length, row = trajectory * (data.samples + 1);
   const low = Math.min(Math.floor(sample), data.samples - 1), part = sample - low;

@@ -1,7 +1,7 @@
 // The arm in space with what it must not touch.
-const SHAPE = "#4d8bc9", NEAR = "#e8590c", OBSTACLE = "#c77d0a", PATH = "#b2182b";
-const LINKS = ["#8e99a3", "#d9dee3"]; // of links, in turns
-const CREASE = Math.cos(0.6); // between faces across which shading is smooth
+const SHAPE = "#4d8bc9", OBSTACLE = "#c77d0a", PATH = "#b2182b";
+const LINKS = ["#8e99a3", "#d9dee3"]; // of links, alternating
+const CREASE = Math.cos(0.6); // of the largest angle between faces across which shading is smooth
 
 class Space {
   constructor(data, canvas) {
@@ -26,6 +26,7 @@ class Space {
     this.orbit = new Orbit(this.camera, canvas, () => { this.due = true; });
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
+    this.reset();
   }
 
   surfaces(kind, material) {
@@ -84,10 +85,10 @@ class Space {
     this.scene.add(sun, sun.target, rim, new THREE.HemisphereLight("#ffffff", "#9fb0c0", 0.62));
   }
 
-  // A grid on the ground, and the planes that the arm keeps above.
+  // A grid on the ground, and the planes that the arm must not cross.
   ground() {
-    const { radius, center } = this.ball, size = 2 * Math.ceil(2.2 * radius), cells = size / 2 < 1 ? 20 : 10 * size / 2;
-    this.grid = new THREE.GridHelper(size, Math.min(cells, 60), "#7f8c99", "#7f8c99");
+    const { radius, center } = this.ball, size = 2 * Math.ceil(2.2 * radius); // [m]
+    this.grid = new THREE.GridHelper(size, Math.min(5 * size, 60), "#7f8c99", "#7f8c99");
     this.grid.rotation.x = Math.PI / 2;
     const night = matchMedia("(prefers-color-scheme: dark)");
     const fade = () => { this.grid.material.opacity = night.matches ? 0.1 : 0.22; this.due = true; };
@@ -152,10 +153,8 @@ class Space {
     const { clientWidth, clientHeight } = this.canvas.parentElement;
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(clientWidth, clientHeight, false);
-    const first = this.camera.aspect === 1;
     this.camera.aspect = clientWidth / Math.max(clientHeight, 1);
     this.camera.updateProjectionMatrix();
-    if (first) this.reset();
     this.due = true;
   }
 
@@ -181,7 +180,7 @@ function edges(shape, colour) {
   return new THREE.LineSegments(new THREE.EdgesGeometry(shape, 25), new THREE.LineBasicMaterial({ color: linear(colour) }));
 }
 
-// Triangles whose shading is smooth but across creases.
+// Triangles of a surface, with normals that shade smoothly except across creases.
 function geometry(arrays, name) {
   const vertices = arrays[`${name}v`], faces = arrays[`${name}f`], count = faces.length;
   const corners = new Float32Array(3 * count), flat = new Float32Array(count), around = new Map();
