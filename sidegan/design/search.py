@@ -47,7 +47,7 @@ class Found:
     """A trajectory proven valid."""
 
     coefficients: Array  # (J, H, 2) [rad/s]
-    value: float  # of the goal
+    value: float  # of the goal, a logarithm
     share: float = 1.0  # its scale relative to the result of the descent
 
 
