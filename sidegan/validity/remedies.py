@@ -7,7 +7,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.base.settings_text import FILL_IN, suggest_by_joint, suggest_touching, suggestion
+from sidegan.base.settings_text import FILL_IN, suggest_by_joint, suggest_limits, suggest_touching, suggestion
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -33,6 +33,12 @@ from sidegan.validity.thresholds import (
 
 _LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # factors on trajectories, tried until some are invalid
 _TRIED = 500  # configurations in which holding torques are computed
+# What implausible limits may be, by kind; the last kind that is implausible has the causes of those before it.
+_DOUBTS = {
+    "position": "placeholders",
+    "velocity": "the motors', or placeholders",
+    "effort": "the motors', in mN·m or mN, or placeholders",
+}
 
 Violation = tuple[str, str]  # a constraint, and its joint, pair or region
 
@@ -103,16 +109,18 @@ def describe_placeholder_limits(arm: Arm) -> str:
         "velocity": (arm.velocity_limit, (arm.velocity_limit > most["velocity"]) | _motors(arm)),
         "effort": (arm.torque_limit, _strong(arm, most["effort"])),
     }
-    wrong, settings = [], []
+    wrong: list[str] = []
+    stated: dict[str, dict[str, Any]] = {}
     for kind, (values, marked) in kinds.items():
         if marked.any():
             wrong.append(f"{kind} of {arm.named(marked)} (up to {float(values[marked].max()):.4g})")
-            settings.append(_limits_to_state(arm, kind, np.flatnonzero(marked).tolist()))
+            asked = {arm.joint_names[j]: FILL_IN for j in np.flatnonzero(marked).tolist()}
+            stated[kind] = {**_given(arm, kind), **asked}
     if not wrong:
         return ""
     return (
-        f"implausible limits: {'; '.join(wrong)}; are they the motors', in mN·m, or placeholders? The arm "
-        f"may not follow; state the real ones by {' '.join(settings)}"
+        f"implausible limits: {'; '.join(wrong)}; are they {_DOUBTS[[*stated][-1]]}? The arm may not "
+        f"follow; state the real ones by {suggest_limits(stated)}"
     )
 
 
