@@ -185,10 +185,8 @@ class TrajectorySet:
                 f"trajectory {first + 1} cannot be run at {speed:.0%} of the speed: "
                 f"{found.failures(first)[0]}; plan a slower one: robot.effort or trajectory.period"
             )
-        source = self.library.source[0]
-        return TrajectorySet(
-            self.cell, library_of(self.cell.constraints, family, c, source), family, self.aim
-        )
+        library = library_of(self.cell.constraints, family, c, "")
+        return replace(self, library=replace(library, source=self.library.source), family=family)
 
     def energy(self, rate: float = 100.0) -> Array:
         """Mechanical work of the joints, whether they drive or brake [J], (N,), summed at a rate [Hz]."""
