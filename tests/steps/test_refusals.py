@@ -92,6 +92,7 @@ WRONG = {
     ],
     InfeasibleError: [
         ("position of shoulder", lambda cell, it: it.save("set")),
+        ("trajectory 2, 50%, effort=…, period=…", lambda cell, it: it.at_speed(0.5)),
         ("1 of 2 seeds, position of shoulder", lambda cell, it: sg.train("vanilla", cell, it)),
         ("1 of 2 seeds, position of shoulder", lambda cell, it: sg.surrogates(cell, it, "there")),
     ],
