@@ -95,7 +95,15 @@ def test_draws_are_limited_and_the_valid_share_reported(caplog):
     assert all(word in caplog.text for word in ("6", "20", "40", "drawn from eigen"))
 
 
-@pytest.mark.parametrize(("every", "least", "valid"), [(1000, 1, "0"), (20, 4, "3")])
-def test_too_few_are_refused(every, least, valid):
-    with refused(InfeasibleError, f"{valid} of 60", "polished", "torque of wrist"):
-        Source(every).draw(4, 20, 60, least, "polished")
+@pytest.mark.parametrize(
+    ("every", "batch", "draws", "least", "about"),
+    [
+        (1000, 20, 60, 1, "0 of 60, 20 violate torque of wrist"),
+        (20, 20, 60, 4, "3 of 60, 4 or more, of 20 of them, 19 violate torque of wrist"),
+        (3, 5, 6, 4, "2 of 6, of 5 of them, 4 violate torque of wrist"),  # the last batch is valid
+        (1, 3, 3, 4, "3 of 3, 4 or more"),
+    ],
+)
+def test_too_few_are_refused(every, batch, draws, least, about):
+    with refused(InfeasibleError, "polished", *about.split(", ")):
+        Source(every).draw(4, batch, draws, least, "polished")
