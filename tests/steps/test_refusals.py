@@ -88,7 +88,9 @@ WRONG = {
         ("[], 2", lambda cell, it: it[[]]),
         ("4, 1 valid", lambda cell, it: it.select(4)),
         ("=8.0, =16.0", lambda cell, it: sg.train("vanilla", sg.Cell("planar2", harmonics=3), it)),
-        ("seeds", lambda cell, it: sg.train("vanilla", cell, np.zeros((0, 2, 3, 2)))),
+        ("seeds, 0, two", lambda cell, it: sg.train("vanilla", cell, np.zeros((0, 2, 3, 2)))),
+        ("seeds, 1, two", lambda cell, it: sg.surrogates(cell, it[:1], "there")),
+        ("coefficients", lambda cell, it: sg.train("vanilla", cell, [])),
     ],
     InfeasibleError: [
         ("position of shoulder", lambda cell, it: it.save("set")),
