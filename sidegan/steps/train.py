@@ -187,7 +187,8 @@ def _examples(seeds: TrajectorySet | ArrayLike, cell: Cell, box: float | None) -
 
 def _require_box(box: float | None) -> None:
     """Refuse a bound that is not positive by a ConfigError."""
-    if box is not None and not (isinstance(box, Real) and 0 < box < math.inf):
+    is_number = isinstance(box, Real) and not isinstance(box, bool)
+    if box is not None and not (is_number and 0 < box < math.inf):
         raise ConfigError(f"box is {box!r}, expected a positive number [rad/s]")
 
 

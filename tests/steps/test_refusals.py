@@ -60,6 +60,7 @@ WRONG = {
         ),
         ("surrogates, {}", lambda cell, it: sg.train("eigen", cell, it, surrogates={})),
         ("box, -1", lambda cell, it: sg.train("vanilla", cell, it, box=-1)),
+        ("box, True", lambda cell, it: sg.train("vanilla", cell, it, box=True)),
         ("box, inf", lambda cell, it: sg.train("vanilla", cell, it, box=np.inf)),
         ("box, 0.001", lambda cell, it: sg.train("vanilla", cell, it[[0, 0]], box=0.001)),
         ("2 seeds", lambda cell, it: sg.train("vanilla", cell, it[[0, 0]])),
