@@ -14,6 +14,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.design.beside import compile_beside
+from sidegan.design.excitation import enough_samples
 from sidegan.design.objective import Goal, Objective, Penalty
 from sidegan.design.problem import Coordinates, Problem, SearchSettings
 from sidegan.errors import InfeasibleError
@@ -37,7 +38,7 @@ _BETTER = 1e-3  # improvement of the goal that is worth a proof
 _PROOF = 4e-3  # time reserved for a proof before a deadline [s]
 _AGAIN = 4  # searches per trajectory, at most
 _WHOLE, _SCRAP = 0.5, 0.2  # scales below which a trajectory is searched again, and left out
-_SAMPLES = 80  # time points for the information of a trajectory in a set
+_SAMPLES = 80  # least time points for the information of a trajectory in a set
 
 _log = logging.getLogger(__name__)
 
@@ -195,7 +196,8 @@ class ConditionGoal:
 
     def take(self, trajectory: Trajectory, c: Array) -> None:
         """Add a trajectory with coefficients [rad/s], (J, H, 2), to the set."""
-        self._sum = self._sum + trajectory.period * gram(self._body, trajectory, c[None], _SAMPLES)[0]
+        samples = enough_samples(trajectory, _SAMPLES)
+        self._sum = self._sum + trajectory.period * gram(self._body, trajectory, c[None], samples)[0]
 
 
 def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSettings, seed: int) -> Array:
