@@ -166,9 +166,11 @@ def search(
     if best is None:
         faults = verdict.failures(0) if verdict else []
         reason = "; ".join(map(str, faults)) or "out of time"
-        helps = [remedy(problem.constraints, (fault.constraint, fault.where)) for fault in faults[:1]]
         text = f"no trajectory was proven in {done} evaluations: {reason}"
-        raise InfeasibleError("; ".join([text, *helps]))
+        if faults:
+            where = faults[0].constraint, faults[0].where
+            text += f"; what may help: {remedy(problem.constraints, where)}"
+        raise InfeasibleError(text)
     return best
 
 
@@ -231,7 +233,8 @@ def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSett
             goal.take(problem.trajectory, c)
     if tiny:
         where = binding(problem.constraints, problem.trajectory, np.stack(tiny))
-        why = f", limited by {' of '.join(where)}: {remedy(problem.constraints, where)}" if where else ""
+        helps = f"what may help: {remedy(problem.constraints, where)}" if where else ""
+        why = f", limited by {' of '.join(where)}; {helps}" if where else ""
         left_out = "%d of %d trajectories hardly move the arm and are left out%s"
         _log.warning(left_out, len(tiny), count, why)
     if unproven:

@@ -59,7 +59,8 @@ class Validity:
 
 def summarise_faults(faults: Mapping[str, int]) -> str:
     """The three most common faults in words."""
-    return "; ".join(f"{count} violate {fault}" for fault, count in Counter(faults).most_common(3))
+    common = Counter(faults).most_common(3)
+    return "; ".join(f"{count} {'violates' if count == 1 else 'violate'} {fault}" for fault, count in common)
 
 
 def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validity:

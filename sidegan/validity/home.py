@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.base.settings_text import FILL_IN, setting_name, suggestion
+from sidegan.base.settings_text import setting_name, suggestion
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
@@ -54,8 +54,7 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
     (name, where), bad = max(violated.items(), key=lambda item: float(item[1].mean()))
     raise InfeasibleError(
         f"no feasible home of {arm.name} found at zero or among {len(bad):,} other "
-        f"positions: {bad.mean():.0%} of them violate {name} of {where}; state a home that is free by "
-        f"{suggestion('trajectory.home', [FILL_IN])}; what else may help: "
+        f"positions: {bad.mean():.0%} of them violate {name} of {where}; what may help: "
         f"{remedy(constraints, (name, where))}"
     )
 
