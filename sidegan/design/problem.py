@@ -50,7 +50,7 @@ class Problem:
             )
         if self.samples <= 2 * harmonics:
             raise ShapeError(
-                f"{self.samples} samples cannot resolve {harmonics} harmonics, expected more than twice"
+                f"samples is {self.samples}, expected more than {2 * harmonics}, twice the harmonics"
             )
 
     @property

@@ -69,7 +69,7 @@ WRONG = {
         ("recordings", lambda cell, it: sg.identify(cell, [])),
         ("recording 2", lambda cell, it: sg.identify(cell, ["a.csv", ""])),
         ("sign_width, 0", lambda cell, it: sg.check_recordings(cell, "a.csv", sign_width=0)),
-        ("recording 1, rows", lambda cell, it: sg.identify(cell, pd.DataFrame())),
+        ("recording 1, empty", lambda cell, it: sg.identify(cell, pd.DataFrame())),
         ("recording 1, ndarray", lambda cell, it: sg.identify(cell, np.zeros((2, 3)))),
         ("recording 1, column t", lambda cell, it: sg.identify(cell, pd.DataFrame({"t": [1, "a"]}))),
         ("position, effort", lambda cell, it: sg.identify(cell, {"position": it.to_frame(100)})),
