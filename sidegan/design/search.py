@@ -55,7 +55,7 @@ class Found:
 class Descent:
     """L-BFGS from a start, with a small and then a large penalty; not thread-safe.
 
-    ``reserve`` is the share of each limit to keep free; the clearance is half this number [m].
+    ``reserve`` is the share of each limit to keep free, and half this number the distance [m].
     """
 
     def __init__(self, problem: Problem, goal: Goal, reserve: float) -> None:

@@ -31,7 +31,7 @@ class Selection:
     count: Count = 35
     # by the paper's score, the determinant of the information, or the sum of the parameters' variances
     method: Literal["greedy", "d_optimal", "a_optimal"] = "greedy"
-    noise: list[Positive] | None = None  # of each joint's torque [N·m], to weight joints; not for greedy
+    noise: list[Positive] | None = None  # of each joint's torque [N·m or N], which weights it; not for greedy
 
     def __post_init__(self) -> None:
         if self.method == "greedy" and self.noise is not None:

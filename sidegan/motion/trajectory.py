@@ -21,7 +21,7 @@ _CACHED = 1_000_000  # time points × harmonics up to which a basis is cached: 1
 _KEPT = 32  # cached bases: half a gigabyte at worst, a few megabytes for the grids of a run
 _OUTSIDE = 1e-6  # share of the period by which rounding may put a time outside it
 _MOST = 10_000_000  # samples of a period, far more than a file or a figure needs
-_SAME = 1e-4  # [rad, rad/s] tolerance of common ends
+_SAME = 1e-4  # [rad or m; per s] tolerance of common ends, at rest
 
 # Quintics over s = t / period, coefficients of s⁰ … s⁵. The first has unit slope at both ends, the second
 # unit curvature; their values and other derivatives up to the second vanish there.
@@ -31,7 +31,7 @@ _QUINTICS = np.array([_SLOPE, _CURVATURE]).T
 
 
 class Motion(NamedTuple):
-    """Joint motion on a time grid: time (T,) [s]; position, velocity, acceleration (B, T, J) [rad, s]."""
+    """Joint motion on a time grid (T,) [s]: position [rad or m], velocity, acceleration, (B, T, J) each."""
 
     time: Array
     position: Array
