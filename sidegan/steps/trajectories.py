@@ -72,7 +72,7 @@ class TrajectorySet:
         """The set that ``save`` wrote to a folder, with its own period and home, checked again in this cell.
 
         Raises:
-            ArtifactError: when there is none, or it is for a different arm.
+            ArtifactError: when there is none, or it is for an arm of another description, limits or effort.
         """
         require_cell(cell)
         stored = Library.load(path_of(folder, "folder") / LIBRARY, cell.arm)

@@ -41,7 +41,7 @@ class Constraints:
 
     Args:
         arm: the arm.
-        regions: keep-out regions in world coordinates.
+        regions: keep-out regions in world coordinates; messages count them from 0.
         torque: whether torque limits count, if there are any.
         clearance: distance that links keep from the regions [m]; margins of distances are in excess of it.
             At edges of boxes slightly more is kept. Links that are always closer to a plane (those above
