@@ -55,9 +55,13 @@ def enough_samples(trajectory: Trajectory, least: int) -> int:
     return max(least, _PER_HARMONIC * trajectory.harmonics)
 
 
-def measure_excitation(body: RigidBody, trajectory: Trajectory, c: Array, samples: int = 80) -> Excitation:
-    """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2)."""
+def measure_excitation(
+    body: RigidBody, trajectory: Trajectory, c: Array, samples: int | None = None
+) -> Excitation:
+    """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2); ``samples`` None: enough."""
     trajectory.check(c)
+    if samples is None:
+        samples = enough_samples(trajectory, _SAMPLES)
     return excitation_of(body, gram(body, trajectory, c, samples))
 
 

@@ -53,6 +53,8 @@ def test_excitation_is_accurate_for_short_periods_and_many_harmonics(pool, harmo
     c = 0.1 * np.random.default_rng(0).standard_normal((2, *family.shape))
     exact = measure_excitation(constraints.body, family, c, 100 * harmonics).eigenvalue_fitness
     np.testing.assert_allclose(library_of(constraints, family, c, "random").fitness, exact, rtol=1e-2)
+    found = measure_excitation(constraints.body, family, c).eigenvalue_fitness
+    np.testing.assert_allclose(found, exact, rtol=1e-2)
     information = information_of(constraints.body, family, c)
     np.testing.assert_allclose([condition_of(x) for x in information], exact, rtol=1e-2)
 
