@@ -118,7 +118,8 @@ def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, floa
         raise
     except (SideganError, KeyError, TypeError, ValueError, RuntimeError) as error:
         raise ConfigError(
-            f"known is {str(folder)!r}, expected a folder with the results of an identification: {error}"
+            f"known is {str(folder)!r}, expected the folder of a run of +experiment=identify, or of "
+            f"IdentifiedModel.save in Python: {error}"
         ) from error
 
 
