@@ -8,7 +8,7 @@ for text in (*cell.warnings, *cell.notes):
 
 excitation = sg.excite(cell, count=3, seed=0, search={"evaluations": 100})
 print(f"{len(excitation)} trajectories, condition number {excitation.condition:.3g}")
-print(excitation.demands())
+print(excitation.demands().to_string())
 
 motion = excitation.motion(rate=100)  # position, velocity and acceleration, (3, T, J) each
 print("the first ends at", motion.position[0, -1], "after", motion.time[-1], "s")

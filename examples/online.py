@@ -1,5 +1,7 @@
 """An online loop: while an arm moves along one trajectory, the next one is designed within half a second."""
 
+import math
+
 from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import ConditionGoal, search
 from sidegan.motion.trajectory import Trajectory
@@ -16,4 +18,5 @@ search(problem, aim.next(), settings)  # once without a deadline, which loads wh
 for k in range(4):
     found = search(problem, aim.next(), settings, seed=k, deadline=0.5)  # [s]; valid by proof
     aim.take(family, found.coefficients)
-    print(f"trajectory {k + 1}: the condition number of all so far is {found.value:.3g}")
+    condition = math.exp(found.value)  # goals are logarithms
+    print(f"trajectory {k + 1}: the condition number of all so far is {condition:.3g}")

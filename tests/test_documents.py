@@ -12,6 +12,7 @@ import yaml
 from omegaconf import OmegaConf
 
 import sidegan
+from sidegan.design.excitation import condition_of
 from sidegan.gan.settings import ExactPhysics, GeneratorSettings, Refresh, Reward, Weights
 from sidegan.seeding import Seeds
 from tests.tiny import composed
@@ -91,6 +92,13 @@ def test_examples_run(name, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", [f"{name}.py"])
     runpy.run_path(str(EXAMPLES / f"{name}.py"))
     assert PRINTED[name] in capsys.readouterr().out
+
+
+def test_the_online_example_prints_the_condition_number_and_not_its_logarithm(capsys):
+    ran = runpy.run_path(str(EXAMPLES / "online.py"))
+    subspace = ran["problem"].body.base.subspace
+    expected = condition_of(subspace.T @ ran["aim"].next().prior @ subspace)
+    assert float(capsys.readouterr().out.split()[-1]) == pytest.approx(expected, rel=0.2)
 
 
 @pytest.mark.parametrize(("value", "percent", "command", "setting"), QUOTED.findall(DECISIONS))

@@ -12,6 +12,8 @@ from sidegan.motion.trajectory import Trajectory
 
 _LARGEST = 1e300  # element of a Gram matrix, whose sums are finite
 _AT_ONCE = 1000  # trajectories per batch of Gram matrices
+_SAMPLES = 80  # least time points for the information of a trajectory
+_PER_HARMONIC = 4  # least time points: condition numbers are then accurate to 1 %
 
 
 @dataclass(frozen=True)
@@ -48,9 +50,18 @@ def excitation_of(body: RigidBody, grams: Array) -> Excitation:
     return Excitation(np.linalg.eigvalsh(c.T @ grams @ c), np.linalg.diagonal(grams))
 
 
-def measure_excitation(body: RigidBody, trajectory: Trajectory, c: Array, samples: int = 80) -> Excitation:
-    """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2)."""
+def enough_samples(trajectory: Trajectory, least: int) -> int:
+    """Number of time points of a period that resolves all harmonics, and at least this many."""
+    return max(least, _PER_HARMONIC * trajectory.harmonics)
+
+
+def measure_excitation(
+    body: RigidBody, trajectory: Trajectory, c: Array, samples: int | None = None
+) -> Excitation:
+    """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2); ``samples`` None: enough."""
     trajectory.check(c)
+    if samples is None:
+        samples = enough_samples(trajectory, _SAMPLES)
     return excitation_of(body, gram(body, trajectory, c, samples))
 
 
@@ -68,7 +79,8 @@ def information_of(
             raise ShapeError(f"noise is {list(noise)}, expected {body.joints} positive deviations")
         certainty = 1 / np.array(noise)
     subspace = body.base.subspace
-    grams = (gram(body, trajectory, part, certainty=certainty) for part in split(c, _AT_ONCE))
+    samples = enough_samples(trajectory, _SAMPLES)
+    grams = (gram(body, trajectory, part, samples, certainty) for part in split(c, _AT_ONCE))
     return np.concatenate([subspace.T @ x @ subspace for x in grams])
 
 

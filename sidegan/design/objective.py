@@ -38,9 +38,9 @@ class LinearTorqueModel(Protocol):
 class Goal:
     """A function of a trajectory to minimise, in terms of the P parameters of a model.
 
-    The condition number of prior plus information; the sum of the targets' variances, or the volume of their
-    uncertainty; or that of a tool's parameters, whose effects on torque are the targets, with the arm's
-    parameters unknown too.
+    The logarithm of the condition number of prior plus information; of the sum of the targets' variances, or
+    of the volume of their uncertainty; or of that of a tool's parameters, whose effects on torque are the
+    targets, with the arm's parameters unknown too.
     """
 
     kind: Literal["condition", "variance", "volume", "tool"] = "condition"

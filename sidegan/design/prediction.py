@@ -45,7 +45,8 @@ class TorqueNoise:
     def constant(cls, body: RigidBody, share: float) -> "TorqueNoise":
         """Constant noise, a share of each joint's torque limit, with inverse weights.
 
-        Without a limit, it is a share of the largest torque over random states, bounded below by ``_FLOOR``.
+        Without a limit, it is a share of the joint's largest torque over random states, of which each joint
+        has at least 2 % of the largest joint's.
         """
         arm, limit = body.arm, body.arm.torque_limit
         if not np.isfinite(limit).all():

@@ -25,7 +25,7 @@ class SearchSettings:
     evaluations: Count = 400  # of the goal, per trajectory
     patience: Count = 130  # evaluations per start
     samples: Size = 40  # time points per period for information and torques
-    reserve: Share = 0.03  # share of each limit to keep free; the clearance is half this number [m]
+    reserve: Share = 0.03  # share of each limit to keep free; of distances, half this number [m]
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Problem:
             )
         if self.samples <= 2 * harmonics:
             raise ShapeError(
-                f"{self.samples} samples cannot resolve {harmonics} harmonics, expected more than twice"
+                f"samples is {self.samples}, expected more than {2 * harmonics}, twice the harmonics"
             )
 
     @property

@@ -14,6 +14,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.design.beside import compile_beside
+from sidegan.design.excitation import enough_samples
 from sidegan.design.objective import Goal, Objective, Penalty
 from sidegan.design.problem import Coordinates, Problem, SearchSettings
 from sidegan.errors import InfeasibleError
@@ -37,7 +38,7 @@ _BETTER = 1e-3  # improvement of the goal that is worth a proof
 _PROOF = 4e-3  # time reserved for a proof before a deadline [s]
 _AGAIN = 4  # searches per trajectory, at most
 _WHOLE, _SCRAP = 0.5, 0.2  # scales below which a trajectory is searched again, and left out
-_SAMPLES = 80  # time points for the information of a trajectory in a set
+_SAMPLES = 80  # least time points for the information of a trajectory in a set
 
 _log = logging.getLogger(__name__)
 
@@ -47,14 +48,14 @@ class Found:
     """A trajectory proven valid."""
 
     coefficients: Array  # (J, H, 2) [rad/s]
-    value: float  # of the goal
+    value: float  # of the goal, a logarithm
     share: float = 1.0  # its scale relative to the result of the descent
 
 
 class Descent:
     """L-BFGS from a start, with a small and then a large penalty; not thread-safe.
 
-    ``reserve`` is the share of each limit to keep free; the clearance is half this number [m].
+    ``reserve`` is the share of each limit to keep free, and half this number the distance [m].
     """
 
     def __init__(self, problem: Problem, goal: Goal, reserve: float) -> None:
@@ -165,9 +166,11 @@ def search(
     if best is None:
         faults = verdict.failures(0) if verdict else []
         reason = "; ".join(map(str, faults)) or "out of time"
-        helps = [remedy(problem.constraints, (fault.constraint, fault.where)) for fault in faults[:1]]
         text = f"no trajectory was proven in {done} evaluations: {reason}"
-        raise InfeasibleError("; ".join([text, *helps]))
+        if faults:
+            where = faults[0].constraint, faults[0].where
+            text += f"; what may help: {remedy(problem.constraints, where)}"
+        raise InfeasibleError(text)
     return best
 
 
@@ -195,7 +198,8 @@ class ConditionGoal:
 
     def take(self, trajectory: Trajectory, c: Array) -> None:
         """Add a trajectory with coefficients [rad/s], (J, H, 2), to the set."""
-        self._sum = self._sum + trajectory.period * gram(self._body, trajectory, c[None], _SAMPLES)[0]
+        samples = enough_samples(trajectory, _SAMPLES)
+        self._sum = self._sum + trajectory.period * gram(self._body, trajectory, c[None], samples)[0]
 
 
 def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSettings, seed: int) -> Array:
@@ -229,7 +233,8 @@ def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSett
             goal.take(problem.trajectory, c)
     if tiny:
         where = binding(problem.constraints, problem.trajectory, np.stack(tiny))
-        why = f", limited by {' of '.join(where)}: {remedy(problem.constraints, where)}" if where else ""
+        helps = f"what may help: {remedy(problem.constraints, where)}" if where else ""
+        why = f", limited by {' of '.join(where)}; {helps}" if where else ""
         left_out = "%d of %d trajectories hardly move the arm and are left out%s"
         _log.warning(left_out, len(tiny), count, why)
     if unproven:

@@ -31,7 +31,7 @@ class Selection:
     count: Count = 35
     # by the paper's score, the determinant of the information, or the sum of the parameters' variances
     method: Literal["greedy", "d_optimal", "a_optimal"] = "greedy"
-    noise: list[Positive] | None = None  # of each joint's torque [N·m], to weight joints; not for greedy
+    noise: list[Positive] | None = None  # on each joint's torque [N·m or N], as deviations; not for greedy
 
     def __post_init__(self) -> None:
         if self.method == "greedy" and self.noise is not None:
@@ -151,7 +151,7 @@ def _optimal(
     total = _PRIOR * information.mean(0)
     order = list[int]()
     if not math.isfinite(condition_of(total)):
-        raise ShapeError("no trajectory excites some combination of parameters: they cannot be told apart")
+        raise ShapeError("no trajectory excites some combination of parameters: its variance is infinite")
     _check_count(count, len(information))
     most = np.full(len(information), np.inf)  # bound on each candidate's gain
     for _ in range(count):

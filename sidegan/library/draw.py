@@ -53,19 +53,21 @@ def draw_valid(
     count = settings.count
     drawn = 0
     valid = 0
+    rejecting: Validity | None = None  # of the last batch that had invalid ones
     while valid < count and drawn < settings.draws:
         c = sample(min(settings.batch, settings.draws - drawn))
         verdict = check(c)
         kept.append(c[verdict.valid])
         drawn += len(c)
         valid += len(kept[-1])
+        rejecting = rejecting if verdict.valid.all() else verdict
         if report is not None:
             report(max(min(valid, count), drawn * count // settings.draws), count)
     if valid < settings.least:
-        raise InfeasibleError(
-            f"{valid} of {drawn} trajectories {origin} are valid; "
-            f"of the last {len(c)}, {summarise_faults(verdict.faults())}"
-        )
+        text = f"{valid} of {drawn} trajectories {origin} are valid, expected {settings.least} or more"
+        if rejecting is not None:
+            text += f"; of {len(rejecting.valid)} of them, {summarise_faults(rejecting.faults())}"
+        raise InfeasibleError(text)
     if valid < count:
         _log.warning("only %d valid trajectories in %d draws, expected %d: %s", valid, drawn, count, origin)
     return Draws(np.concatenate(kept)[:count], drawn, valid)

@@ -4,12 +4,12 @@ import numpy as np
 
 from sidegan.base.arrays import Array, split
 from sidegan.design import fidelity
-from sidegan.design.excitation import measure_excitation
+from sidegan.design.excitation import enough_samples, measure_excitation
 from sidegan.library.collection import Library, join
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
-RATE = 12.5  # sampling rate of stored excitation [Hz]: finer than any optimiser's
+RATE = 12.5  # least sampling rate of stored excitation [Hz]: finer than the optimisers' at usual periods
 _AT_ONCE = 250  # trajectories per batch
 _LEAST = 1e-30  # lower bound of diag(YᵀY), which is zero for a column without excitation
 _MOST = 5_000  # trajectories of a comparison, whose pairs fit in memory
@@ -20,7 +20,7 @@ def library_of(constraints: Constraints, trajectory: Trajectory, c: Array, sourc
 
     def measured(part: Array) -> Library:
         validity = check(constraints, trajectory, part)
-        samples = round(RATE * trajectory.period)
+        samples = enough_samples(trajectory, round(RATE * trajectory.period))
         excitation = measure_excitation(constraints.body, trajectory, part, samples)
         return Library(
             coefficients=part,

@@ -35,10 +35,11 @@ def kernel_shapes(
     closer: Array | None = None,
     outer: Array | None = None,
 ) -> Shapes:
-    """An arm's capsules and regions: tables of numbers (R, 8), kinds (R,) and planes (M, 4).
+    """An arm's capsules, pairs of them, (P, 2), and regions, as ``tables`` has them, for kernels.
 
-    Pairs (P, 2) may be closer by distances (P,) [m]; None: zero. For regions capsules have radii ``outer``,
-    (C,), at most their own; None: their own.
+    ``guarded``, (K, 2), has a region and the capsule to keep out of it. Pairs may be closer by the distances
+    ``closer``, (P,) [m]; None: zero. For regions capsules have radii ``outer``, (C,), at most their own;
+    None: their own.
     """
     ends = np.stack([capsules.a, capsules.b])
     radius = capsules.radius

@@ -105,11 +105,11 @@ class RigidBody:
         return chain_of(self.arm)
 
     def regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Full regressor, (…, J, 10 J), with ``torque = regressor @ parameters`` [N·m]."""
+        """Full regressor, (…, J, 10 J), with ``torque = regressor @ parameters`` [N·m or N]."""
         return self._rows(np.arange(10 * self.joints), q, dq, ddq)
 
     def base_regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Base regressor, (…, J, p), with ``torque = base_regressor @ base.values`` [N·m]."""
+        """Base regressor, (…, J, p), with ``torque = base_regressor @ base.values`` [N·m or N]."""
         return self._rows(self.base.columns, q, dq, ddq)
 
     def _rows(self, columns: Array, *states: Array) -> Array:
@@ -129,7 +129,7 @@ class RigidBody:
         return whole[:, :, :count].transpose(2, 1, 0).reshape(*checked[0].shape, len(columns))
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm."""
+        """Inverse dynamics [N·m or N], (…, J), by the recursive Newton-Euler algorithm."""
         from sidegan.kernels import dynamics
 
         states = self.checked(q, dq, ddq)
@@ -140,7 +140,7 @@ class RigidBody:
         return torque.T.reshape(states[0].shape)
 
     def drive_torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
-        """Torque of the drives [N·m], (…, J): ``torque`` plus known friction and rotor inertia."""
+        """Torque of the drives [N·m or N], (…, J): ``torque`` plus known friction and rotor inertia."""
         q, dq, ddq = self.checked(q, dq, ddq)
         return self.torque(q, dq, ddq) + self.arm.known_drives.torque(dq, ddq)
 

@@ -9,19 +9,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from numbers import Real
+from numbers import Integral, Real
 from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.base.arrays import Array, flatten, split
+from sidegan.base.arrays import Array, flatten, numbers, split
 from sidegan.errors import ShapeError
 
 _CACHED = 1_000_000  # time points × harmonics up to which a basis is cached: 16 MB
 _KEPT = 32  # cached bases: half a gigabyte at worst, a few megabytes for the grids of a run
 _OUTSIDE = 1e-6  # share of the period by which rounding may put a time outside it
 _MOST = 10_000_000  # samples of a period, far more than a file or a figure needs
-_SAME = 1e-4  # [rad, rad/s] tolerance of common ends
+_SAME = 1e-4  # [rad or m; per s] tolerance of common ends, at rest
 
 # Quintics over s = t / period, coefficients of s⁰ … s⁵. The first has unit slope at both ends, the second
 # unit curvature; their values and other derivatives up to the second vanish there.
@@ -31,7 +31,7 @@ _QUINTICS = np.array([_SLOPE, _CURVATURE]).T
 
 
 class Motion(NamedTuple):
-    """Joint motion on a time grid: time (T,) [s]; position, velocity, acceleration (B, T, J) [rad, s]."""
+    """Joint motion on a time grid (T,) [s]: position [rad or m], velocity, acceleration, (B, T, J) each."""
 
     time: Array
     position: Array
@@ -49,14 +49,15 @@ class Trajectory:
     home: Sequence[float] | None = None  # joint positions [rad or m] at both ends, (J,); zeros when None
 
     def __post_init__(self) -> None:
-        if self.joints < 1 or self.harmonics < 1:
-            raise ShapeError(f"joints and harmonics must be positive, got {self.joints} and {self.harmonics}")
-        if not (np.isfinite(self.period) and self.period > 0):
-            raise ShapeError(f"period must be a positive number of seconds, got {self.period}")
-        home = (0.0,) * self.joints if self.home is None else tuple(float(x) for x in self.home)
-        if len(home) != self.joints or not np.isfinite(home).all():
-            raise ShapeError(f"home {home} must be {self.joints} finite joint positions")
-        object.__setattr__(self, "home", home)
+        for name, count in (("joints", self.joints), ("harmonics", self.harmonics)):
+            if not (isinstance(count, Integral) and count >= 1):
+                raise ShapeError(f"{name} is {count!r}, expected a positive whole number")
+        if not (isinstance(self.period, Real) and 0 < self.period < math.inf):
+            raise ShapeError(f"period is {self.period!r}, expected a positive number of seconds")
+        home = np.zeros(self.joints) if self.home is None else numbers(self.home, "home")
+        if home.shape != (self.joints,) or not np.isfinite(home).all():
+            raise ShapeError(f"home is {self.home}, expected {self.joints} finite joint positions")
+        object.__setattr__(self, "home", tuple(home.tolist()))
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -81,7 +82,7 @@ class Trajectory:
         """
         samples = self.period * rate if isinstance(rate, Real) else np.nan
         if not (0 < samples <= _MOST and round(samples) >= 1):
-            raise ShapeError(f"rate is {rate!r}, expected 1 to {_MOST:,} samples in {self.period} s [Hz]")
+            raise ShapeError(f"rate is {rate!r} Hz, expected 1 to {_MOST:,} samples in {self.period} s")
         return np.linspace(0.0, self.period, round(samples) + 1)
 
     def grid(self, count: int) -> Array:

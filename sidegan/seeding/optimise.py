@@ -78,12 +78,12 @@ class SeedBatch:
         """Error that says why there are fewer than ``count`` seeds."""
         why = summarise_faults(self.faults) or "no start was finished"
         worst, _, where = max(self.faults, key=self.faults.__getitem__, default="").partition(" of ")
-        helps = f", or {remedy(constraints, (worst, where))}" if where else ""
+        roomy = f"a home with more room around it ({suggestion('trajectory.home', [FILL_IN])})"
+        slower = f"slower motion ({suggestion('trajectory.period', FILL_IN)})"
+        helps = remedy(constraints, (worst, where)) if where else f"{roomy}, {slower}"
         return InfeasibleError(
             f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; "
-            f"of those that failed, {why}; what may help: a home with more room around it "
-            f"({suggestion('trajectory.home', [FILL_IN])}), a longer period "
-            f"({suggestion('trajectory.period', FILL_IN)}){helps}"
+            f"of those that failed, {why}; what may help: {helps}"
         )
 
 

@@ -73,7 +73,7 @@ class PublishedSeeds:
         path = self.file
         layout = Layout(trajectory.joints, trajectory.harmonics)
         with reading(path, "NumPy", ConfigError):
-            images = np.load(path, allow_pickle=False)
+            images = np.load(path, allow_pickle=False).astype(float)
         if images.shape[1:] != layout.shape:
             raise ConfigError(
                 f"{path} has images of shape {images.shape[1:]}, expected {layout.shape} for trajectories of "
@@ -83,7 +83,7 @@ class PublishedSeeds:
             raise ConfigError(
                 f"{path} is not in the published layout: the last row of an image must repeat its first"
             )
-        return layout.coefficients(images.astype(float))
+        return layout.coefficients(images)
 
     def features(self) -> Array | None:
         """The authors' 35 features of each seed, their diag YᵀY, (N, 35); None if there are none."""

@@ -51,8 +51,8 @@ class Seeds:
         for verb, names in (("needs", missing), ("does not have", foreign)):
             if names:
                 raise ConfigError(
-                    f"method {self.method} {verb} {', '.join(names)}; choose it by seeds={self.method}, "
-                    f"in Python sidegan.seeds(…, settings={{'method': {self.method!r}}})"
+                    f"method {self.method} {verb} {', '.join(names)}; seeds={self.method} sets what "
+                    f"it needs, in Python sidegan.seeds(…, settings={{'method': {self.method!r}}})"
                 )
         if self.method == "published" and self.folder is None:
             raise ConfigError(f"folder is not set: git clone {REPOSITORY}; seeds.folder=SIDE-GAN-Pytorch")

@@ -84,7 +84,7 @@ def aim_of(
     if known is None:
         return uncertainty_of_description(cell.body, terms, goal)
     if not isinstance(known, str | Path):
-        raise ConfigError(f"known is {known!r}, expected the folder of an identification")
+        raise ConfigError(f"known is {known!r}, expected a folder with the results of an identification")
     found, covariance, certainty, rate = known_model(Path(known), cell.arm)
     if terms != Terms() and terms.kinds != found.kinds:
         raise ConfigError(f"{known} has other torque terms than model: leave out model, or identify anew")
@@ -95,7 +95,7 @@ def aim_of(
 
 
 def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, float]:
-    """The model in the folder of an identify run; a ConfigError for any other folder or arm.
+    """The model in a folder with the results of an identification; a ConfigError for any other folder or arm.
 
     Also returns the covariance of its parameters, (P, P), the inverse standard deviation of an independent
     sample's torque, (J,), and the rate of the samples [Hz].
@@ -118,7 +118,8 @@ def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, floa
         raise
     except (SideganError, KeyError, TypeError, ValueError, RuntimeError) as error:
         raise ConfigError(
-            f"known is {str(folder)!r}, expected the folder of a run of +experiment=identify: {error}"
+            f"known is {str(folder)!r}, expected the folder of a run of +experiment=identify, or of "
+            f"IdentifiedModel.save in Python: {error}"
         ) from error
 
 

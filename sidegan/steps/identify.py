@@ -287,13 +287,13 @@ def _recording(given: object, path: Path) -> Recorded:
             paths = {signal: path.with_name(getattr(files, signal)) for signal in frames}
             return replace(files, **{signal: _stored(x, paths[signal]) for signal, x in frames.items()})
     kind = type(given).__name__
-    raise ConfigError(f"{path.name} is a {kind}, expected a file, a data frame, or one for each signal")
+    raise ConfigError(f"{path.name} is of type {kind}, expected a file, a data frame, or one for each signal")
 
 
 def _stored(frame: pd.DataFrame, path: Path) -> str:
     """Path of a data frame, written with its index as a column if that may hold the time."""
     if frame.empty:
-        raise ConfigError(f"{path.name} is a data frame without rows")
+        raise ConfigError(f"{path.name} is an empty data frame")
     timed = isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex)
     name = frame.index.name if isinstance(frame.index.name, str) else "time" if timed else ""
     try:

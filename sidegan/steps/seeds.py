@@ -42,6 +42,7 @@ def seeds(
 
     Raises:
         ConfigError: when a setting is unknown or out of range, or the method is ``published``.
+        ShapeError: when ``settings.samples`` is too small for the harmonics of the cell.
         InfeasibleError: when too few starts become valid; names the violated constraints.
         StorageError: when the folder cannot be written.
     """

@@ -127,7 +127,7 @@ def train(
     Raises:
         ConfigError: when there is no such variant, it needs seeds, these reach beyond the box or are
             all the same, or a setting is out of range.
-        ShapeError: when the seeds do not fit the cell.
+        ShapeError: when the seeds do not fit the cell, or are fewer than two.
         InfeasibleError: when seeds are invalid in the cell; says how many.
         ArtifactError: when the surrogates are of another cell.
         StorageError: when the folder cannot be written.
@@ -170,9 +170,9 @@ def train(
 def _examples(seeds: TrajectorySet | ArrayLike, cell: Cell, box: float | None) -> Array:
     """Coefficients of seeds [rad/s], (N, J, H, 2), which must be valid in this cell and in the box."""
     c = coefficients_of(seeds, cell)
-    if not c.size:
-        raise ShapeError("there are no seeds, expected two or more")
     found = cell.check(c)
+    if len(c) < 2:
+        raise ShapeError(f"two seeds or more are needed, got {len(c)}")
     if not found.valid.all():
         raise InfeasibleError(
             f"{np.sum(~found.valid)} of {len(c)} seeds are invalid in this cell: "
@@ -185,7 +185,8 @@ def _examples(seeds: TrajectorySet | ArrayLike, cell: Cell, box: float | None) -
 
 def _require_box(box: float | None) -> None:
     """Refuse a bound that is not positive by a ConfigError."""
-    if box is not None and not (isinstance(box, Real) and 0 < box < math.inf):
+    is_number = isinstance(box, Real) and not isinstance(box, bool)
+    if box is not None and not (is_number and 0 < box < math.inf):
         raise ConfigError(f"box is {box!r}, expected a positive number [rad/s]")
 
 
@@ -227,7 +228,7 @@ def surrogates(
 
     Raises:
         ConfigError: when a setting is unknown or out of range, or seeds reach beyond the box.
-        ShapeError: when the seeds do not fit the cell.
+        ShapeError: when the seeds do not fit the cell, or are fewer than two.
         InfeasibleError: when seeds are invalid in the cell; says how many.
         SideganError: when the training diverges.
     """

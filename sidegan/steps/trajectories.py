@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import plain
+from sidegan.base.settings_text import FILL_IN, suggestion
 from sidegan.base.storage import path_of
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, TrajectoryFamily, coefficients_of, require_cell
@@ -71,7 +72,7 @@ class TrajectorySet:
         """The set that ``save`` wrote to a folder, with its own period and home, checked again in this cell.
 
         Raises:
-            ArtifactError: when there is none, or it is for a different arm.
+            ArtifactError: when there is none, or it is for an arm of another description, limits or effort.
         """
         require_cell(cell)
         stored = Library.load(path_of(folder, "folder") / LIBRARY, cell.arm)
@@ -181,14 +182,13 @@ class TrajectorySet:
         found = check(self.cell.constraints, family, c)
         if not found.valid.all():
             first = int(found.valid.argmin())
+            slow = [suggestion(name, FILL_IN) for name in ("robot.effort", "trajectory.period")]
             raise InfeasibleError(
                 f"trajectory {first + 1} cannot be run at {speed:.0%} of the speed: "
-                f"{found.failures(first)[0]}; plan a slower one: robot.effort or trajectory.period"
+                f"{found.failures(first)[0]}; design a slow one instead, by {' or '.join(slow)}"
             )
-        source = self.library.source[0]
-        return TrajectorySet(
-            self.cell, library_of(self.cell.constraints, family, c, source), family, self.aim
-        )
+        library = library_of(self.cell.constraints, family, c, "")
+        return replace(self, library=replace(library, source=self.library.source), family=family)
 
     def energy(self, rate: float = 100.0) -> Array:
         """Mechanical work of the joints, whether they drive or brake [J], (N,), summed at a rate [Hz]."""

@@ -31,7 +31,7 @@ def excitation_warnings(
     if use < LEAST_USE:
         reasons.append(f"it uses {use:.0%} of the limits on motion")
     if not condition <= MOST_CONDITION:
-        reasons.append(f"its condition is {plain(condition)}")
+        reasons.append(f"its condition number is {plain(condition)}")
     if isinstance(aim, Uncertain) and isinstance(aim.purpose, TorquePrediction):
         error = np.sqrt(np.square(aim.deviations).mean())
         if not error <= MOST_UNCERTAINTY:

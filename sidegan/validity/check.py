@@ -35,8 +35,8 @@ class Validity:
     """Outcome of a check of B trajectories."""
 
     valid: Array  # whether every constraint provably holds over the whole period, (B,)
-    # smallest margin of each constraint, (B,) [rad, rad/s, N·m, m]; the guaranteed, negative margin if a cell
-    # is still undecided at the finest step
+    # smallest margin of each constraint in its unit, (B,); the guaranteed, negative margin if a cell is still
+    # undecided at the finest step
     margins: dict[str, Array]
     elements: dict[str, Array]  # joint, pair or region of each smallest margin, (B,)
     times: dict[str, Array]  # of each smallest margin [s], (B,)
@@ -59,7 +59,8 @@ class Validity:
 
 def summarise_faults(faults: Mapping[str, int]) -> str:
     """The three most common faults in words."""
-    return "; ".join(f"{count} violate {fault}" for fault, count in Counter(faults).most_common(3))
+    common = Counter(faults).most_common(3)
+    return "; ".join(f"{count} {'violates' if count == 1 else 'violate'} {fault}" for fault, count in common)
 
 
 def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validity:
@@ -92,10 +93,10 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validit
 
 
 def require_straight(constraints: Constraints, start: Sequence[float], end: Sequence[float]) -> None:
-    """Refuse a straight path in joint space [rad or m] that collides or leaves the joints' ranges.
+    """Refuse a straight path in joint space [rad or m] that is not free, or where the arm cannot hold itself.
 
-    Every point of the path is covered: between samples, a distance changes at most by the joints' motion
-    times their reach.
+    Distances and the joints' ranges are covered at every point of the path: between samples, a distance
+    changes at most by the joints' motion times their reach. Torques are those of the samples.
 
     Raises:
         ShapeError: when the ends are not one finite number per joint.

@@ -41,7 +41,7 @@ class Constraints:
 
     Args:
         arm: the arm.
-        regions: keep-out regions in world coordinates.
+        regions: keep-out regions in world coordinates; messages count them from 0.
         torque: whether torque limits count, if there are any.
         clearance: distance that links keep from the regions [m]; margins of distances are in excess of it.
             At edges of boxes slightly more is kept. Links that are always closer to a plane (those above
@@ -72,17 +72,17 @@ class Constraints:
         # Planes come twice, the second time without clearance, for links that are always closer.
         planes = [r for r, region in enumerate(regions) if isinstance(region, Plane)]
         self._region_of = [*range(len(regions)), *planes]
-        kept_out = (*regions, *(regions[r].grown(-clearance) for r in planes))
+        obstacles = (*regions, *(regions[r].grown(-clearance) for r in planes))
         # Capsules are inflated for regions, too, but no region is shrunk: its corners would come too close.
         inflated = min(clearance, self.apart / 2)
         self._outer = arm.capsules.radius + inflated
         rest = clearance - inflated
-        self.kept_out = [region.grown(rest) if rest else region for region in kept_out]
+        self._grown = [region.grown(rest) if rest else region for region in obstacles]
         heavy = bool(arm.inertial_parameters.any())  # otherwise torques are unknown
         self.torque = torque and heavy and bool(np.isfinite(arm.torque_limit).any())
         self.higher = arm.higher_limits  # on acceleration and jerk, (J,), if there are any
-        self.of_links = self._pairs()  # checked or exempt
-        self.pairs = self.of_links.checked  # of capsules, (P, 2)
+        self.link_pairs = self._pairs()  # checked or exempt
+        self.pairs = self.link_pairs.checked  # of capsules, (P, 2)
         owners = arm.capsules.owners
         self.owners = [links_of(owners[i], owners[j]) for i, j in self.pairs.tolist()]  # links of these pairs
         gaps = [self.tight.get(links, self.apart) for links in self.owners]
@@ -166,11 +166,11 @@ class Constraints:
 
     def _shapes_of(self, pairs: Array, guarded: Array) -> Shapes:
         closer = self.apart - self.gaps if len(pairs) else None
-        return kernel_shapes(self._thick.capsules, pairs, guarded, tables(self.kept_out), closer, self._outer)
+        return kernel_shapes(self._thick.capsules, pairs, guarded, tables(self._grown), closer, self._outer)
 
     def described(self) -> str:
         """What is checked and what is not, in one line for people."""
-        arm, capsules, pairs = self.arm, self.arm.capsules, self.of_links
+        arm, capsules, pairs = self.arm, self.arm.capsules, self.link_pairs
         limited = {name: int(np.isfinite(limit).sum()) for name, limit in self.higher.items()}
         limited["torque"] = int(np.isfinite(arm.torque_limit).sum()) if self.torque else 0
         limits = ", ".join(f"{name} of {count}" for name, count in limited.items())
@@ -228,10 +228,10 @@ class Constraints:
         """Distances [m] kept by pairs, (P,), and guarded capsules, (K,)."""
         return {"collision": self.gaps, "keep_out": self.clearance * self._whole}
 
-    def keeps_out(self, home: Sequence[float], beside: float) -> bool:
-        """Whether home (J,) [rad or m] leaves the share ``beside`` of each distance from regions to spare."""
+    def keeps_out(self, home: Sequence[float], spare: float) -> bool:
+        """Whether home (J,) [rad or m] leaves the share ``spare`` of each distance from regions to spare."""
         left = self._distances(np.array([home], float))["keep_out"]
-        return bool((left >= beside * self.kept["keep_out"]).all())
+        return bool((left >= spare * self.kept["keep_out"]).all())
 
     def distances_at(self, q: Array) -> dict[Links, float]:
         """Distances [m] of all checked pairs of links at a position (J,)."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.base.settings_text import FILL_IN, setting_name, suggestion
+from sidegan.base.settings_text import setting_name, suggestion
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
@@ -20,11 +20,11 @@ _TRIED = 1000  # configurations in which the arm has to hold itself
 _ROOM = 0.05  # [m] distance that is a relative margin of 1
 
 
-def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, ...] | None:
+def default_home(constraints: Constraints, spare: float = 0.0) -> tuple[float, ...] | None:
     """A position at which the arm can rest, with room to move [rad or m], (J,); None if zero is one.
 
     Of random positions around the middle of the ranges, in the smallest neighbourhood with feasible ones, the
-    one with most room. Feasible ones leave the share ``beside`` of each kept distance in addition to it.
+    one with most room. Feasible ones leave the share ``spare`` of each kept distance in addition to it.
     Deterministic.
 
     Raises:
@@ -32,7 +32,7 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
     """
     arm = constraints.arm
     zeros = np.zeros((1, arm.joints))
-    if bool(_roomy(constraints, _rooms(constraints, zeros), beside)[0]):
+    if bool(_roomy(constraints, _rooms(constraints, zeros), spare)[0]):
         return None
     middle = (arm.position_lower + arm.position_upper) / 2
     half = (arm.position_upper - arm.position_lower) / 2
@@ -43,7 +43,7 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
         q = middle + share * half * draw
         q = (1e3 * q).round() / 1e3  # so that people can type them
         tried.append(_rooms(constraints, q))
-        if bool((good := _roomy(constraints, tried[-1], beside)).any()):
+        if bool((good := _roomy(constraints, tried[-1], spare)).any()):
             return tuple(q[(_least(tried[-1]) * good).argmax()].tolist())
     # At which positions, (N,). Several parts of a link may share a name.
     violated: dict[Violation, Array] = {}
@@ -54,8 +54,7 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
     (name, where), bad = max(violated.items(), key=lambda item: float(item[1].mean()))
     raise InfeasibleError(
         f"no feasible home of {arm.name} found at zero or among {len(bad):,} other "
-        f"positions: {bad.mean():.0%} of them violate {name} of {where}; state a home that is free by "
-        f"{suggestion('trajectory.home', [FILL_IN])}; what else may help: "
+        f"positions: {bad.mean():.0%} of them violate {name} of {where}; what may help: "
         f"{remedy(constraints, (name, where))}"
     )
 
@@ -113,10 +112,10 @@ def _rooms(constraints: Constraints, q: Array) -> dict[str, Array]:
     return constraints.relative(constraints.at_rest(q), _ROOM)
 
 
-def _roomy(constraints: Constraints, rooms: dict[str, Array], beside: float) -> Array:
-    """Whether positions are feasible with the share ``beside`` of each kept distance to spare, (N,)."""
+def _roomy(constraints: Constraints, rooms: dict[str, Array], spare: float) -> Array:
+    """Whether positions are feasible with the share ``spare`` of each kept distance to spare, (N,)."""
     kept = constraints.kept
-    near = [np.all(rooms[name] * _ROOM >= beside * kept[name], 1) for name in kept if name in rooms]
+    near = [np.all(rooms[name] * _ROOM >= spare * kept[name], 1) for name in kept if name in rooms]
     return np.all([_least(rooms) > 0, *near], 0)
 
 

@@ -38,8 +38,7 @@ class Pairs:
 
     checked: Array  # (P, 2)
     exempt: tuple[Links, ...]  # neighbours, and pairs named by the user or the description
-    # of these, pairs named by the user or the description: the source, and the share of configurations in
-    # which they touch
+    # by the latter: who named them, and the share of configurations in which they touch
     named: dict[Links, tuple[str, float]]
     never: tuple[Links, ...]  # that provably cannot touch
 
@@ -160,7 +159,7 @@ class _Touching:
         beside = [links for links, rows in self.rows.items() if apart[rows[0]] == 1]
         self.near = [links for links in beside if parents is None or links in parents]  # neighbours
         rest = [links for links in self.rows if links not in set(self.near)]
-        # exempted by the user or the description, with the source; and those to check
+        # exempted by the user or the description, and by which; the others are to be checked
         self.named = {links: exempt[links] for links in rest if links in exempt}
         self.open = [links for links in rest if links not in exempt]
         self.q = random_configurations(arm)
@@ -189,8 +188,8 @@ class _Touching:
 
     def always(self, links: Links) -> bool:
         """Whether two links touch in every configuration."""
-        capsules_part = (self.capsules[self.rows[links]] > 0).all(0).any()
-        return not capsules_part and self.share(links) == 1.0
+        apart_once = (self.capsules[self.rows[links]] > 0).all(0).any()
+        return not apart_once and self.share(links) == 1.0
 
 
 def _refuse(arm: Arm, touching: _Touching, tight: frozenset[Links]) -> None:

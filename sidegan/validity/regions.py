@@ -119,9 +119,9 @@ class Convex:
     def around(cls, points: Array) -> "Convex":
         """The convex hull of points [m], (N, 3); ConfigError if it has no volume."""
         points = np.asarray(points, float)
-        hull = hull_of(points)
+        hull = hull_of(points) if points.shape[1:] == (3,) else None
         if hull is None:
-            raise ConfigError("an obstacle needs corners that are finite and enclose a volume")
+            raise ConfigError("an obstacle needs corners (N, 3) that are finite and enclose a volume")
         corners = points[hull.vertices]
         normals = np.vstack([_touching(hull), _directions()])
         return cls(np.c_[normals, (corners @ normals.T).max(0)], corners)

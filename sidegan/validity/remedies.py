@@ -7,7 +7,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.base.settings_text import FILL_IN, suggest_by_joint, suggest_touching, suggestion
+from sidegan.base.settings_text import FILL_IN, suggest_by_joint, suggest_limits, suggest_touching, suggestion
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -33,6 +33,12 @@ from sidegan.validity.thresholds import (
 
 _LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # factors on trajectories, tried until some are invalid
 _TRIED = 500  # configurations in which holding torques are computed
+# What implausible limits may be, by kind; each kind has the causes of those before it, too.
+_DOUBTS = {
+    "position": "placeholders",
+    "velocity": "the motors', or placeholders",
+    "effort": "the motors', in mN·m or mN, or placeholders",
+}
 
 Violation = tuple[str, str]  # a constraint, and its joint, pair or region
 
@@ -42,8 +48,8 @@ def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Viola
 
     None if they do not violate any.
     """
-    for times in _LARGER:
-        found = check(constraints, trajectory, times * c)
+    for factor in _LARGER:
+        found = check(constraints, trajectory, factor * c)
         invalid = np.flatnonzero(~found.valid).tolist()
         faults = Counter((x.constraint, x.where) for k in invalid for x in found.failures(k))
         if faults:
@@ -103,16 +109,18 @@ def describe_placeholder_limits(arm: Arm) -> str:
         "velocity": (arm.velocity_limit, (arm.velocity_limit > most["velocity"]) | _motors(arm)),
         "effort": (arm.torque_limit, _strong(arm, most["effort"])),
     }
-    wrong, settings = [], []
+    wrong: list[str] = []
+    stated: dict[str, dict[str, Any]] = {}
     for kind, (values, marked) in kinds.items():
         if marked.any():
             wrong.append(f"{kind} of {arm.named(marked)} (up to {float(values[marked].max()):.4g})")
-            settings.append(_limits_to_state(arm, kind, np.flatnonzero(marked).tolist()))
+            asked = {arm.joint_names[j]: FILL_IN for j in np.flatnonzero(marked).tolist()}
+            stated[kind] = {**_given(arm, kind), **asked}
     if not wrong:
         return ""
     return (
-        f"implausible limits: {'; '.join(wrong)}; are they the motors', in mN·m, or placeholders? The arm "
-        f"may not follow; state the real ones by {' '.join(settings)}"
+        f"implausible limits: {'; '.join(wrong)}; are they {_DOUBTS[[*stated][-1]]}? The arm may not "
+        f"follow; state the real ones by {suggest_limits(stated)}"
     )
 
 
@@ -121,10 +129,10 @@ def _motors(arm: Arm) -> Array:
 
     Not of legs, which are as fast.
     """
-    beyond = np.linalg.norm([*arm.translation[1:], arm.tip], axis=1)[::-1].cumsum()[::-1]
+    reach = np.linalg.norm([*arm.translation[1:], arm.tip], axis=1)[::-1].cumsum()[::-1]  # to the tip
     given = [name in _given(arm, "velocity") for name in arm.joint_names]
     fast = ~arm.prismatic & (arm.velocity_limit > FAST_JOINT) & ~np.array(given)
-    quick = float((arm.velocity_limit * beyond * fast).max()) > FASTEST_TIP
+    quick = float((arm.velocity_limit * reach * fast).max()) > FASTEST_TIP
     return fast & quick & (arm.joints > LEG_JOINTS) & (2 * fast.sum() >= (~arm.prismatic).sum())
 
 
@@ -175,7 +183,7 @@ def describe_excessive_friction(arm: Arm) -> str:
     if not beyond.any():
         return ""
     return (
-        f"at its velocity limit, friction of {arm.named(beyond)} exceeds its torque limit; if this friction "
+        f"friction of {arm.named(beyond)} at the velocity limit exceeds the torque limit; if this friction "
         f"is a placeholder, {suggestion('robot.friction', False)} leaves it out"
     )
 
@@ -192,7 +200,7 @@ def _given(arm: Arm, kind: str) -> dict[str, Any]:
 
 
 def _held(arm: Arm) -> Array:
-    """Absolute holding torques [N·m or N], (N, J), in random configurations."""
+    """Absolute torques that hold the arm still [N·m or N], (N, J), in random configurations."""
     q = random_configurations(arm, _TRIED)
     return np.abs(RigidBody(arm).torque(q, 0 * q, 0 * q))
 

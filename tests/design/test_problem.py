@@ -161,5 +161,5 @@ def test_too_few_samples_are_refused(planar_problem):
     for harmonics in (1, 2, 6, 9):
         problem = partial(replace, planar_problem, trajectory=Trajectory(2, harmonics))
         assert problem(samples=2 * harmonics + 1).samples
-        with refused(ShapeError, f"{2 * harmonics} samples", f"{harmonics} harmonics"):
+        with refused(ShapeError, f"samples is {2 * harmonics}", f"more than {2 * harmonics}"):
             problem(samples=2 * harmonics)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sidegan.design.excitation import measure_excitation
+from sidegan.design.excitation import condition_of, information_of, measure_excitation
 from sidegan.design.fidelity import diversity
 from sidegan.errors import InfeasibleError
 from sidegan.library.draw import Expansion, draw_valid
@@ -45,6 +45,18 @@ def test_a_measured_library_holds_margins_and_excitation(pool):
     assert facts["count"] == len(c) and 0 < facts["valid"] < 1
     assert facts["condition"] == pytest.approx(np.median(excitation.eigenvalue_fitness))
     assert diversity(c, excitation.diagonal).items() <= facts.items()
+
+
+@pytest.mark.parametrize(("harmonics", "period"), [(6, 1.0), (6, 0.03), (40, 16.0)])
+def test_excitation_is_accurate_for_short_periods_and_many_harmonics(pool, harmonics, period):
+    constraints, family = pool[0], Trajectory(2, harmonics, period)
+    c = 0.1 * np.random.default_rng(0).standard_normal((2, *family.shape))
+    exact = measure_excitation(constraints.body, family, c, 100 * harmonics).eigenvalue_fitness
+    np.testing.assert_allclose(library_of(constraints, family, c, "random").fitness, exact, rtol=1e-2)
+    found = measure_excitation(constraints.body, family, c).eigenvalue_fitness
+    np.testing.assert_allclose(found, exact, rtol=1e-2)
+    information = information_of(constraints.body, family, c)
+    np.testing.assert_allclose([condition_of(x) for x in information], exact, rtol=1e-2)
 
 
 def test_likeness_compares_equally_many_and_reports_unexciting_sets(pool):
@@ -95,7 +107,15 @@ def test_draws_are_limited_and_the_valid_share_reported(caplog):
     assert all(word in caplog.text for word in ("6", "20", "40", "drawn from eigen"))
 
 
-@pytest.mark.parametrize(("every", "least", "valid"), [(1000, 1, "0"), (20, 4, "3")])
-def test_too_few_are_refused(every, least, valid):
-    with refused(InfeasibleError, f"{valid} of 60", "polished", "torque of wrist"):
-        Source(every).draw(4, 20, 60, least, "polished")
+@pytest.mark.parametrize(
+    ("every", "batch", "draws", "least", "about"),
+    [
+        (1000, 20, 60, 1, "0 of 60, 20 violate torque of wrist"),
+        (20, 20, 60, 4, "3 of 60, 4 or more, of 20 of them, 19 violate torque of wrist"),
+        (3, 5, 6, 4, "2 of 6, of 5 of them, 4 violate torque of wrist"),  # the last batch is valid
+        (1, 3, 3, 4, "3 of 3, 4 or more"),
+    ],
+)
+def test_too_few_are_refused(every, batch, draws, least, about):
+    with refused(InfeasibleError, "polished", *about.split(", ")):
+        Source(every).draw(4, batch, draws, least, "polished")

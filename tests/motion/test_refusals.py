@@ -40,10 +40,10 @@ REFUSALS = [  # what the message names, and the call
     ),
     ("velocity", partial(PLANAR.drive_torque, [0, 0], ["a", "b"], [0, 0])),
     ("2", partial(gram, PLANAR, SHORT, *states((5, 7, 4, 2)))),
-    ("joints", partial(Trajectory, 0)),
-    ("harmonics", partial(Trajectory, 2, 0)),
-    *(("period", partial(Trajectory, 2, 6, period)) for period in (0.0, NAN, INF)),
-    *(("home", partial(Trajectory, 2, home=home)) for home in ([0.0], [0.0, NAN])),
+    *(("joints", partial(Trajectory, joints)) for joints in (0, 2.5, "2")),
+    *(("harmonics", partial(Trajectory, 2, harmonics)) for harmonics in (0, 6.0, None)),
+    *(("period", partial(Trajectory, 2, 6, period)) for period in (0.0, NAN, INF, "8")),
+    *(("home", partial(Trajectory, 2, home=home)) for home in ([0.0], [0.0, NAN], 0.3, ["a", 1], [[0, 0]])),
     *(
         (f"{shape}", partial(FAMILY.roll_out, np.zeros(shape), FAMILY.grid(3)))
         for shape in ((2, 6, 2), (1, 3, 6, 2), (1, 2, 5, 2), (1, 2, 6, 1), (1, 1, 2, 6, 2))

@@ -106,7 +106,7 @@ def test_the_limiting_constraint_of_a_weak_set_is_reported(excited):
     weak, good = (TrajectorySet.of(context.cell, x) for x in (0.05 * c, c))
     vars(weak)["condition"], vars(good)["condition"] = 1e7, 100.0
     (said,) = weak.warnings
-    assert "it uses 5% of the limits on motion, its condition is 1e7; it is limited by " in said
+    assert "it uses 5% of the limits on motion, its condition number is 1e7; it is limited by " in said
     assert re.search(r"velocity of joint\d: .*'robot.limits.velocity={joint0: (0.2|…), ", said)
     assert good.warnings == []
 
@@ -122,7 +122,7 @@ def test_the_limiting_constraint_of_a_weak_set_is_reported(excited):
         (DENSE, r"link1 \(radius of gyration 0.709 m in a link of 0.16 m\).* joint1 may differ"),
         (LIGHT, r"link1 \(0.002 kg in a link of 0.16 m, where 2 kg is usual\)"),
         (FAST, r"velocity of joint0, .* \(up to 25\); are they the motors'.*limits.velocity={joint0: …"),
-        (STICKY, r"friction of joint0, joint1, .* exceeds its torque limit.*robot.friction=false"),
+        (STICKY, r"friction of joint0, joint1, .* exceeds the torque limit.*robot.friction=false"),
         (ALIKE, r"masses of link0, link1, link2, link3 are placeholders .* mean nothing until"),
     ],
     ids=["touching", "weak", "dense", "light", "fast", "sticky", "alike"],

@@ -51,7 +51,7 @@ def facts_of(context):
         limits[kind] = dict(zip(arm.joint_names, values.tolist()))
     return Facts(
         locked=choose_chain(tree, arm.setup)[1],
-        exempt=constraints.of_links.exempt,
+        exempt=constraints.link_pairs.exempt,
         floor=floors[0] if floors else -np.inf,
         standing=[name.rpartition(" in region ")[0] for name in constraints.never_out],
         limits=limits,

@@ -169,6 +169,12 @@ def test_placeholder_limits_are_reported_with_the_setting_to_change(load, span, 
     assert said in describe_placeholder_limits(arm)
 
 
+def test_all_placeholder_limits_are_one_setting_in_python(load):
+    said = describe_placeholder_limits(load(arm_of(limit=limit(-2, 2, 1000, 1000))))
+    assert "are they the motors', in mN·m or mN, or placeholders?" in said
+    assert said.count("limits={") == 1 and re.search(r"limits={'velocity': {.*}, 'effort': {.*}}$", said)
+
+
 def test_a_sliding_joint_may_push_more_than_a_turning_one():
     arm, _ = random_chain(4, 2)
     slides = int(arm.prismatic.argmax())

@@ -211,7 +211,7 @@ def test_a_ring_around_a_rod_is_refined_until_the_rod_is_free(tmp_path, monkeypa
     fine = load_robot(tmp_path / "robot.urdf")
     assert fine.capsules.owners.count("base") > 4 and fine.capsules.owners.count("upper") == 1
     constraints = Constraints(fine, torque=False)
-    judge = Judge(fine.urdf, fine.joint_names, Facts(exempt=constraints.of_links.exempt))
+    judge = Judge(fine.urdf, fine.joint_names, Facts(exempt=constraints.link_pairs.exempt))
     assert shape_accuracy(constraints, judge, 300) == (0.0, 0.0)
 
 

@@ -368,7 +368,7 @@ def test_an_exported_mjcf_collides_like_the_original(load, tmp_path):
     write_mjcf(arm, possible_links(arm), tmp_path / "out.xml", Drives.none(4))
     again = load_robot(tmp_path / "out.xml", SPEED)
     before, after = (Constraints(x) for x in (arm, again))
-    assert set(before.owners) == set(after.owners) and len(after.of_links.named) == 1
+    assert set(before.owners) == set(after.owners) and len(after.link_pairs.named) == 1
     assert (reach(again) >= reach(arm) - 1e-6).all()  # single precision
     assert arm.capsules.rounding.max() > 1e-4
     q = np.random.default_rng(0).random((400, 4)).astype(float) * 5 - 2.5

@@ -51,6 +51,7 @@ def test_images_and_coefficients_are_inverse():
         (np.arange(18.0).reshape(1, 2, 3, 3), "last row"),
         (np.full((1, 2, 3, 3), np.nan), "last row"),
         (b"no array", MASTER),
+        (np.full((1, 2, 3, 3), "a"), MASTER),
     ],
 )
 def test_a_wrong_layout_is_refused(tmp_path, content, about):

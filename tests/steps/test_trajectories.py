@@ -1,5 +1,7 @@
 """Sets of trajectories: their numbers, their files, and their cells."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -55,6 +57,12 @@ def test_a_slower_set_keeps_its_path_and_its_own_family(excitation):
     np.testing.assert_allclose(slow.motion(5).position, excitation.motion(10).position, atol=1e-9)
     own = sg.Cell("planar2", period=16, **FREE)
     assert slow.warnings == sg.TrajectorySet.of(own, slow.coefficients).warnings
+
+
+def test_a_slower_set_keeps_the_origin_of_each_trajectory(cell, excitation):
+    drawn = sg.TrajectorySet.of(cell, 0.1 * excitation.coefficients[:1], "drawn")
+    both = replace(excitation, library=excitation.library.merge(drawn.library))
+    assert both.at_speed(0.5).library.source == [*3 * ["excite"], "drawn"]
 
 
 def test_a_reloaded_set_keeps_its_family_and_is_checked_in_its_new_cell(excitation, tmp_path):

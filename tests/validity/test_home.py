@@ -158,6 +158,8 @@ REFUSED = {
         (lambda _: Convex.between((0, 0, 0), (0, 0, 0), 1.0), ("cylinder", "(0, 0, 0)")),
         (lambda _: Convex.between((0, 0, 0), (0, 0, 1), -1.0), ("cylinder", "-1.0")),
         (lambda _: Convex.around(POINTS), ("obstacle",)),
+        (lambda _: Convex.around(np.array([[0.0, 0], [1, 0], [0, 1], [1, 2]])), ("obstacle",)),
+        (lambda _: Convex.around(np.ones(3)), ("obstacle",)),
         (lambda _: Convex.around(np.where(POINTS > 0, POINTS, math.inf)), ("obstacle",)),
     ],
     InfeasibleError: [
