@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, numbers
 from sidegan.base.names import listed
 from sidegan.base.settings_text import setting_name
-from sidegan.errors import RobotError
+from sidegan.errors import RobotError, ShapeError
 from sidegan.robot import xml
 from sidegan.robot.arm import NO_INERTIA, FilePlane
 from sidegan.robot.chain import choose_chain, describe_fixed
@@ -87,8 +87,12 @@ def read_description(
     wrong = [why for _, why in read.values() if why] or _massless(tree, links, moved, masses)
     postures = _group_states(path, robot) if source.postures is None else source.postures
     own_home = _home_among(postures, [*moved])
-    around = own_home if home is None else home
-    middle = dict(zip(moved, around)) if around is not None and len(around) == len(moved) else {}
+    around = own_home
+    if home is not None:
+        around = tuple(numbers(home, "home").ravel().tolist())
+        if len(around) != len(moved) or not all(map(math.isfinite, around)):
+            raise ShapeError(f"home position {home} must be {len(moved)} finite joint positions")
+    middle = dict(zip(moved, around or ()))
     limits, assumed = limits_of(tree, moving, setup.limits, middle, planning)
     for pair in setup.may_touch or ():
         for link in pair:

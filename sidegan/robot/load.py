@@ -7,11 +7,14 @@ from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sidegan.base.names import listed
 from sidegan.base.settings_text import suggest_touching, suggestion
+from sidegan.base.storage import path_of
+from sidegan.base.typed import settings_of
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of, length_of
 from sidegan.robot.collision import collision_shapes
@@ -36,7 +39,10 @@ def is_built_in(arm: Arm) -> bool:
 
 
 def load_robot(
-    name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[float] | None = None, planning: bool = True
+    name_or_path: str | Path,
+    setup: Setup | Mapping[str, Any] = PLAIN,
+    home: Sequence[float] | None = None,
+    planning: bool = True,
 ) -> Arm:
     """An arm (J joints, float64, SI units) from a built-in name or a description.
 
@@ -47,7 +53,8 @@ def load_robot(
     Args:
         name_or_path: a built-in name ("kuka_lwr4", "planar2"), a name from robot_descriptions if that is
             installed, or the path of a URDF, xacro or MJCF file.
-        setup: which part of the description is the arm, and limits that override the description's.
+        setup: which part of the description is the arm, and limits that override the description's: a
+            ``Setup``, or its fields.
         home: home position [rad or m], (J,), around which continuous joints may turn by half a turn; None:
             that of the description, or zeros.
         planning: whether motions are to be planned. Otherwise meshes are left out, and missing limits on
@@ -56,7 +63,11 @@ def load_robot(
     Raises:
         RobotError: when there is no such robot, the file is not a description, or the arm is not a serial
             chain of revolute and prismatic joints with limits on position and velocity.
+        ConfigError: when a setting is unknown or out of range; names it.
+        ShapeError: when home is not one finite position per joint.
     """
+    path_of(name_or_path, "robot")
+    setup = settings_of(Setup, setup)
     path, args = _find(name_or_path)
     if args:
         setup = replace(setup, args={**args, **(setup.args or {})})

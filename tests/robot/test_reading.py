@@ -240,6 +240,14 @@ def test_a_single_number_sets_the_limit_of_every_joint(load):
     assert again.robot.limits == given
 
 
+def test_settings_may_be_the_fields_of_a_setup_and_numbers_numpys(load, tmp_path):
+    load(arm_of())
+    fields = {"locked": {"joint3": np.float64(0.5)}, "limits": {"velocity": np.int64(1)}}
+    arm = load_robot(tmp_path / "robot.urdf", fields)
+    assert arm.setup == load_robot(tmp_path / "robot.urdf", arm.setup).setup
+    assert arm.velocity_limit.tolist() == [1.0] * 3
+
+
 JOINTS = {
     "joint0": {"has_velocity_limits": True, "max_velocity": 1.25, "has_jerk_limits": False, "max_jerk": 1},
     "joint1": {"has_acceleration_limits": True, "max_acceleration": 2.5},

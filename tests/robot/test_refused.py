@@ -29,6 +29,10 @@ def stated(**given):
     return lambda at: at.load(two_joints(), Setup(limits=Limits(**given)))
 
 
+def given(**words):
+    return lambda at: load_robot("planar2", **words)
+
+
 def body(*parameters: float):
     links = np.array([ROD, parameters], dtype=float)
     return lambda at: room.require_consistent(random_chain(2, 0)[0], links)
@@ -140,12 +144,22 @@ REFUSED = {
         (lambda at: room.inconsistent_links(at.planar, np.ones((1, 2, 10))), ("(1, 2, 10)", "(2, 10)")),
         (lambda at: write_urdf(at.planar, np.ones((3, 10)), at.folder / "out"), ("(3, 10)", "(2, 10)")),
         (lambda at: Drives(TWO, THREE, TWO), ("(2,), (3,)",)),
+        (given(home=[0.5]), ("home", "0.5", "2")),
+        (given(home=[0.5, np.nan]), ("home", "nan")),
+        (given(home=["a", "b"]), ("home",)),
     ],
     StorageError: [
         (written(write_urdf, "file/out.urdf"), ("out.urdf",)),
         (written(write_mjcf, "file/arm.xml"), ("arm.xml",)),
     ],
-    ConfigError: [(open_mesh, ("three.stl",))],
+    ConfigError: [
+        (open_mesh, ("three.stl",)),
+        (lambda at: load_robot(3), ("robot", "3")),
+        (given(setup={"tipp": "arm"}), ("tipp", "tip")),
+        (given(setup=Setup(mount=(0.0, 0.0))), ("mount",)),
+        (given(setup=Setup(limits=Limits(velocity=np.nan))), ("limits.velocity", "nan")),
+        (given(setup=Setup(limits=Limits(position={"elbow": 1.0}))), ("limits.position.elbow",)),
+    ],
 }
 CASES = [(error, case, names) for error, cases in REFUSED.items() for case, names in cases]
 
