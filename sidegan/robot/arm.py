@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.errors import ConfigError
 from sidegan.robot.drives import Drives
 from sidegan.robot.setup import PLAIN, Mount, Setup
 
@@ -142,7 +143,12 @@ def with_effort(arm: Arm, effort: float) -> Arm:
     """The arm with its velocity and torque limits scaled by ``effort``, above 0 and up to 1.
 
     Limits on acceleration and jerk are not scaled: they are what a controller accepts, whatever the effort.
+
+    Raises:
+        ConfigError: when the effort is not a share in (0, 1], such as a percentage.
     """
+    if not (isinstance(effort, int | float) and 0 < effort <= 1):
+        raise ConfigError(f"effort is {effort!r}, expected a share above 0 and up to 1")
     if effort == 1:
         return arm
     speed, torque = effort * arm.velocity_limit, effort * arm.torque_limit

@@ -8,7 +8,7 @@ import trimesh
 
 from sidegan import robot as room
 from sidegan.errors import ConfigError, RobotError, ShapeError, StorageError
-from sidegan.robot import Drives, Limits, Setup, load_robot, write_mjcf, write_urdf
+from sidegan.robot import Drives, Limits, Setup, load_robot, with_effort, write_mjcf, write_urdf
 from sidegan.robot.meshes import read_mesh
 from tests.chains import random_chain, real_links
 from tests.refusals import refused
@@ -155,6 +155,7 @@ REFUSED = {
     ConfigError: [
         (open_mesh, ("three.stl",)),
         (lambda at: load_robot(3), ("robot", "3")),
+        *((lambda at, share=share: with_effort(at.planar, share), ("effort",)) for share in (0, 80, np.nan, "x")),
         (given(setup={"tipp": "arm"}), ("tipp", "tip")),
         (given(setup=Setup(mount=(0.0, 0.0))), ("mount",)),
         (given(setup=Setup(limits=Limits(velocity=np.nan))), ("limits.velocity", "nan")),
