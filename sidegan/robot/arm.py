@@ -7,9 +7,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array
-from sidegan.errors import ConfigError
+from sidegan.base.arrays import Array, numbers
+from sidegan.errors import ConfigError, ShapeError
 from sidegan.robot.drives import Drives
 from sidegan.robot.setup import PLAIN, Mount, Setup
 
@@ -155,6 +156,19 @@ def with_effort(arm: Arm, effort: float) -> Arm:
     limits = digest_of({"velocity_limit": speed, "torque_limit": torque}, arm.capsules)
     digest = hashlib.sha256(f"{arm.digest} {limits}".encode()).hexdigest()
     return replace(arm, digest=digest, velocity_limit=speed, torque_limit=torque)
+
+
+def states_of(joints: int, *given: ArrayLike) -> list[Array]:
+    """Positions, velocities and accelerations as arrays, (S, J) each.
+
+    Raises:
+        ShapeError: when they have other or different shapes.
+    """
+    states = [numbers(x, "states") for x in given]
+    if {x.shape for x in states} != {(*states[0].shape[:1], joints)}:
+        shapes = ", ".join(str(x.shape) for x in states)
+        raise ShapeError(f"states are {shapes}, expected (S, {joints}), all three alike")
+    return states
 
 
 def length_of(arm: Mapping[str, Array]) -> float:

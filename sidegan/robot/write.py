@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import replacing
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.arm import Arm
+from sidegan.robot.arm import Arm, states_of
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
@@ -41,10 +42,12 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
 
     Raises:
         RobotError: when a link would not be physically consistent, or the source is no longer the arm's.
-        ShapeError: when the parameters are not (J, 10).
+        ShapeError: when the parameters are not (J, 10), or friction is not of J joints.
         StorageError: when the file cannot be written.
     """
     require_consistent(arm, parameters)
+    if drives is not None:
+        drives.require_joints(arm.joints)
     if not arm.urdf.is_file():
         raise RobotError(f"{arm.name} has no description to start from: there is no file {arm.urdf}")
     source = read_source(arm.urdf, arm.setup.args)
@@ -70,17 +73,21 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
         _check(arm, parameters, draft)
 
 
-def torque_of_urdf(path: Path, arm: Arm, q: Array, dq: Array, ddq: Array) -> Array:
+def torque_of_urdf(path: Path, arm: Arm, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
     """Pinocchio's torque [N·m or N], (S, J), of an arm's URDF at states (S, J), with damping and friction.
 
     Friction changes its sign with the velocity at once, as the format means it.
+
+    Raises:
+        ShapeError: when the states are not (S, J), all three alike.
     """
+    states = states_of(arm.joints, q, dq, ddq)
     setup = replace(arm.setup, args=None, mount=arm.mount, friction=True)
     model = pinocchio_model(description := read_description(path, setup, planning=False))
     model.gravity.linear = arm.gravity  # which no URDF states
     data = model.createData()
-    rigid = np.array([pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq)])
-    return rigid + (description.drives or Drives.none(arm.joints)).torque(dq, ddq)
+    rigid = np.array([pin.rnea(model, data, *state).copy() for state in zip(*states)]).reshape(-1, arm.joints)
+    return rigid + (description.drives or Drives.none(arm.joints)).torque(*states[1:])
 
 
 def _carriers(arm: Arm, root: ET.Element) -> dict[str, str | None]:

@@ -8,7 +8,17 @@ import trimesh
 
 from sidegan import robot as room
 from sidegan.errors import ConfigError, RobotError, ShapeError, StorageError
-from sidegan.robot import Drives, Limits, Setup, load_robot, with_effort, write_mjcf, write_urdf
+from sidegan.robot import (
+    Drives,
+    Limits,
+    Setup,
+    load_robot,
+    torque_of_mjcf,
+    torque_of_urdf,
+    with_effort,
+    write_mjcf,
+    write_urdf,
+)
 from sidegan.robot.meshes import read_mesh
 from tests.chains import random_chain, real_links
 from tests.refusals import refused
@@ -44,6 +54,22 @@ def written(write, name: str, scale: float = 1.0):
     return lambda at: write(at.planar, links, at.folder / name, Drives.none(2))
 
 
+def with_drives(write, *given):
+    drives = Drives(*given)
+    return lambda at: write(at.planar, at.planar.inertial_parameters, at.folder / "out.xml", drives)
+
+
+def at_states(read, *states):
+    """Torques of a file of the planar arm, in a folder of its own."""
+
+    def run(at):
+        write = write_urdf if read is torque_of_urdf else write_mjcf
+        write(at.planar, at.planar.inertial_parameters, at.folder / "arm", drives=Drives.none(2))
+        read(at.folder / "arm", *([at.planar] if read is torque_of_urdf else []), *states)
+
+    return run
+
+
 def rewritten(text: str | None):
     """Writing an arm whose description has become another one, or none."""
 
@@ -69,7 +95,7 @@ LOOP = more(two_joints(), joint("third", "base", "upper"))
 RING = robot(joint("a", "x", "y"), joint("b", "y", "x"), link("x"), link("y"))
 ELSEWHERE = one_joint(origin='xyz="9 9 9" rpy="0.4 -0.5 0.6"')
 NO_MASS = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
-TWO, THREE = np.zeros(2), np.zeros(3)
+TWO, THREE, STATES = np.zeros(2), np.zeros(3), np.zeros((3, 2))
 
 # Descriptions, or what is done at a place, and the names and numbers that the refusal is about.
 DEGREES = {"first": (-80.0, 80.0), "second": (-1.0, 1.0)}
@@ -135,6 +161,7 @@ REFUSED = {
         (written(write_urdf, "out.urdf", -1.0), ("'upper_arm'", "-3 kg")),
         (written(write_mjcf, "out.xml", -1.0), ("'upper_arm'", "-3 kg")),
         (written(write_mjcf, "out.xml", 1e-20), ("MuJoCo", "planar2")),
+        (lambda at: torque_of_mjcf(at.folder / "gone.xml", STATES, STATES, STATES), ("MuJoCo", "gone.xml")),
         # Descriptions that changed since they were read.
         (rewritten(two_joints()), ("small", "joints")),
         (rewritten(ELSEWHERE), ("small", "translation")),
@@ -144,6 +171,13 @@ REFUSED = {
         (lambda at: room.inconsistent_links(at.planar, np.ones((1, 2, 10))), ("(1, 2, 10)", "(2, 10)")),
         (lambda at: write_urdf(at.planar, np.ones((3, 10)), at.folder / "out"), ("(3, 10)", "(2, 10)")),
         (lambda at: Drives(TWO, THREE, TWO), ("(2,), (3,)",)),
+        *((with_drives(write, [1.0], [1.0], [1.0]), ("2",)) for write in (write_urdf, write_mjcf)),
+        *((with_drives(write, [1, 2], [1, 2], [1, np.nan]), ("nan",)) for write in (write_urdf, write_mjcf)),
+        *((at_states(read, TWO, TWO, TWO), ("(2,)",)) for read in (torque_of_urdf, torque_of_mjcf)),
+        *(
+            (at_states(read, STATES, STATES, STATES[1:]), ("(2, 2)",))
+            for read in (torque_of_urdf, torque_of_mjcf)
+        ),
         (given(home=[0.5]), ("home", "0.5", "2")),
         (given(home=[0.5, np.nan]), ("home", "nan")),
         (given(home=["a", "b"]), ("home",)),
@@ -155,7 +189,10 @@ REFUSED = {
     ConfigError: [
         (open_mesh, ("three.stl",)),
         (lambda at: load_robot(3), ("robot", "3")),
-        *((lambda at, share=share: with_effort(at.planar, share), ("effort",)) for share in (0, 80, np.nan, "x")),
+        *(
+            (lambda at, share=share: with_effort(at.planar, share), ("effort",))
+            for share in (0, 80, np.nan, "x")
+        ),
         (given(setup={"tipp": "arm"}), ("tipp", "tip")),
         (given(setup=Setup(mount=(0.0, 0.0))), ("mount",)),
         (given(setup=Setup(limits=Limits(velocity=np.nan))), ("limits.velocity", "nan")),

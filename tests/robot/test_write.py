@@ -1,6 +1,7 @@
 """A written description reads as the same arm with the new inertias: for us, Pinocchio and MuJoCo."""
 
 import xml.etree.ElementTree as ET
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -117,6 +118,25 @@ def test_files_of_a_mounted_arm_with_a_locked_joint_give_its_torques(tmp_path):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
     found = torque_of_urdf(tmp_path / "a.urdf", arm, *states) + own.rotor_inertia * ddq
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+
+
+def test_torques_at_whole_numbers_are_not_rounded_and_of_no_states_are_none(planar, tmp_path):
+    write_urdf(planar, planar.inertial_parameters, tmp_path / "a.urdf")
+    write_mjcf(planar, planar.inertial_parameters, tmp_path / "a.xml", Drives.none(2))
+    whole, none = [[1, 2], [3, 4]], np.zeros((0, 2))
+    expected = RigidBody(planar).torque(*[np.array(whole, float)] * 3)
+    for read in (
+        lambda *x: torque_of_urdf(tmp_path / "a.urdf", planar, *x),
+        partial(torque_of_mjcf, tmp_path / "a.xml"),
+    ):
+        np.testing.assert_allclose(read(whole, whole, whole), expected, rtol=0, atol=1e-9)
+        assert read(none, none, none).shape == (0, 2)
+
+
+def test_an_mjcf_with_negative_friction_can_be_read(planar, tmp_path):
+    write_mjcf(planar, planar.inertial_parameters, tmp_path / "a.xml", Drives([-1, 2], [3, -4], [0, -0.1]))
+    drives = load_robot(tmp_path / "a.xml", {"limits": {"velocity": 1.0}}).drives
+    assert [x.tolist() for x in vars(drives).values()] == [[0, 2], [3, 0], [0, 0]]
 
 
 @pytest.mark.parametrize("name", built_in_robots())
