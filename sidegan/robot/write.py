@@ -116,14 +116,16 @@ def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
     """Add missing limits to the arm's k-th joint."""
     limit = joint.find("limit")
     if limit is None:
-        limit = ET.SubElement(joint, "limit", effort="0")
+        limit = ET.SubElement(joint, "limit")
     if joint.get("type") != "continuous" and not {"lower", "upper"} & set(limit.attrib):
         limit.set("lower", repr(float(arm.position_lower[k])))
         limit.set("upper", repr(float(arm.position_upper[k])))
     if not xml.number_or_zero(limit.get("velocity")):
         limit.set("velocity", repr(float(arm.velocity_limit[k])))
-    if limit.attrib.pop("not_read", None) and np.isfinite(arm.torque_limit[k]):  # of an MJCF's motor
+    unread = limit.attrib.pop("not_read", None)  # of an MJCF's motor
+    if (unread or "effort" not in limit.attrib) and np.isfinite(arm.torque_limit[k]):
         limit.set("effort", repr(float(arm.torque_limit[k])))
+    limit.attrib.setdefault("effort", "0")
 
 
 def _round(root: ET.Element) -> None:

@@ -94,6 +94,14 @@ def test_comments_extra_elements_and_unicode_are_kept(load, tmp_path):
     assert '<gazebo reference="arm"><inertial />' in written
 
 
+@pytest.mark.parametrize("effort", [None, 9.0])
+def test_a_limit_without_effort_is_written_as_other_readers_require_it(load, tmp_path, effort):
+    text = one_joint(limit='<limit lower="-1" upper="1" velocity="1"/>')
+    arm = load(text, Setup(limits=Limits(effort=effort)))
+    write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
+    assert pin.buildModelFromUrdf(str(tmp_path / "out.urdf")).upperEffortLimit.tolist() == [effort or 0.0]
+
+
 def test_written_friction_replaces_dynamics_and_is_never_negative(load, tmp_path):
     known = joint("j0", "l0", "l1", extra='<dynamics damping="9"/>')
     arm = load(robot(*(link(f"l{i}", INERTIA) for i in range(3)), known, joint("j1", "l1", "l2")))
