@@ -172,7 +172,7 @@ def _write_limits(root: ET.Element, spec: mujoco.MjSpec, model: mujoco.MjModel, 
         ET.SubElement(element, "axis", xyz=words(joint.axis))
         stated = {"damping": joint.damping, "friction": joint.frictionloss, "armature": joint.armature}
         ET.SubElement(element, "dynamics", {what: words(x[:1]) for what, x in stated.items()})
-        limit = ET.SubElement(element, "limit", velocity="0", effort=repr(available.get(name, 0.0)))
+        limit = ET.SubElement(element, "limit", effort=repr(available.get(name, 0.0)))
         for motor, joints in forces.motors.items():
             if name in joints:
                 limit.set("not_read", motor)

@@ -137,7 +137,8 @@ class TestMjcf:
         assert abs(trimesh.load(file).volume) == pytest.approx(0.6e-3, rel=1e-5)
 
     def test_limits_and_what_is_said_about_what_is_ignored(self, mjcf, caplog):
-        with refused(RobotError, "limits={'velocity': {'one': 1, 'two': 1, 'slide': 0.1}}"):
+        missing = "'one' has no velocity limit", "limits={'velocity': {'one': 1, 'two': 1, 'slide': 0.1}}"
+        with refused(RobotError, *missing):
             load_robot(mjcf)
         arm = load_robot(mjcf, Setup(limits=SPEEDS))
         assert arm.torque_limit.tolist() == [87, np.inf, np.inf]
