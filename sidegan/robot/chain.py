@@ -31,9 +31,10 @@ def choose_chain(tree: Tree, setup: Setup) -> tuple[tuple[UrdfJoint, ...], dict[
             )
     moving = tuple(joint for joint in path if _moves(joint) and joint.name not in given)
     if not moving:
+        before = f" before {setup.tip!r} ({setting_name('robot.tip')})" if setup.tip else ""
         unlocked = " that are not locked" if given else ""
         raise RobotError(
-            f"{tree.where} has no movable joints{unlocked}, expected at least one revolute or prismatic"
+            f"{tree.where} has no movable joints{before}{unlocked}, expected at least one revolute or prismatic"
         )
     return moving, _fixed_positions(tree, moving, given)
 

@@ -136,8 +136,10 @@ class Tree:
 
 
 def similar_names(name: str, known: Iterable[str], setting: str = "") -> str:
-    """Known names similar to an unknown one for a message, or the settings of this name that have them."""
+    """End of a message: known names similar to an unknown one, or settings of this name that have them."""
     names = list(known)
+    if not names:
+        return ""
     close = difflib.get_close_matches(name, names, 3, 0.5) or names[-3:]
     return ", expected for example " + " or ".join(
         suggestion(setting, match) if setting else match for match in close

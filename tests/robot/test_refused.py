@@ -143,6 +143,7 @@ REFUSED = {
         (lambda at: at.load(one_joint(collision=mesh("no_mesh.stl"))), ("no_mesh.stl",)),
         # Which part is the arm, and what is said beside the description.
         (part(tip="hand"), ("'hand'", "tip='")),
+        (part(tip="floor"), ("'floor'", "tip")),
         (part(tip="torso", locked={"waist": 0.0}), ("locked",)),
         (part(locked={"glue": 0.0}), ("'glue'", "locked")),
         (part(locked={"right_elbo": 0.0}), ("'right_elbo'", "right_elbow")),
@@ -199,6 +200,15 @@ REFUSED = {
         (given(setup=Setup(limits=Limits(position={"elbow": 1.0}))), ("limits.position.elbow",)),
     ],
 }
+NO_JOINTS = one_joint(kind="fixed")
+
+
+def test_a_joint_of_a_description_without_movable_ones_is_refused_without_suggestions(load):
+    with refused(RobotError, "'elbow'") as caught:
+        load(NO_JOINTS, Setup(locked={"elbow": 0.0}))
+    assert "expected" not in str(caught.value)
+
+
 CASES = [(error, case, names) for error, cases in REFUSED.items() for case, names in cases]
 
 
