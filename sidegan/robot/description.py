@@ -247,7 +247,7 @@ def _group_states(urdf: Path, robot: str) -> dict[str, dict[str, float]]:
     for file in [file for folder in _FOLDERS for file in sorted((urdf.parent / folder).glob("*.srdf"))]:
         try:
             root = ET.parse(file).getroot()
-        except (ET.ParseError, OSError):
+        except (ET.ParseError, OSError, ValueError, LookupError):  # the last two of an encoding
             continue
         for state in root.findall("group_state") if root.get("name") == robot else ():
             for joint in state.findall("joint"):

@@ -248,6 +248,12 @@ def test_settings_may_be_the_fields_of_a_setup_and_numbers_numpys(load, tmp_path
     assert arm.velocity_limit.tolist() == [1.0] * 3
 
 
+@pytest.mark.parametrize("encoding", ["klingon", "utf-32"])
+def test_an_srdf_in_an_unknown_encoding_gives_no_home(load, tmp_path, encoding):
+    (tmp_path / "rods.srdf").write_text(f'<?xml version="1.0" encoding="{encoding}"?><robot name="rods"/>')
+    assert load(arm_of()).home is None
+
+
 JOINTS = {
     "joint0": {"has_velocity_limits": True, "max_velocity": 1.25, "has_jerk_limits": False, "max_jerk": 1},
     "joint1": {"has_acceleration_limits": True, "max_acceleration": 2.5},
