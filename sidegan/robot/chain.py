@@ -21,7 +21,7 @@ def choose_chain(tree: Tree, setup: Setup) -> tuple[tuple[UrdfJoint, ...], dict[
     """The arm's joints, from the base outwards, and the positions of all others [rad or m]."""
     given = setup.locked or {}
     for name, value in given.items():
-        _check_locked(tree, name, value)
+        _check_locked(tree, name, value, given)
     path = _path(tree, setup)
     for joint in path or tree.joints.values():
         if joint.kind in REFUSED and joint.name not in given:
@@ -34,7 +34,8 @@ def choose_chain(tree: Tree, setup: Setup) -> tuple[tuple[UrdfJoint, ...], dict[
         before = f" before {setup.tip!r} ({setting_name('robot.tip')})" if setup.tip else ""
         unlocked = " that are not locked" if given else ""
         raise RobotError(
-            f"{tree.where} has no movable joints{before}{unlocked}, expected at least one revolute or prismatic"
+            f"{tree.where} has no movable joints{before}{unlocked}, "
+            "expected at least one revolute or prismatic"
         )
     return moving, _fixed_positions(tree, moving, given)
 
@@ -163,7 +164,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str
     return locked
 
 
-def _check_locked(tree: Tree, name: str, value: float) -> None:
+def _check_locked(tree: Tree, name: str, value: float, given: Mapping[str, float]) -> None:
     """Raise unless a joint exists, can move, and has this position [rad or m] in its range."""
     joint = tree.joints.get(name)
     if joint is None:
@@ -177,7 +178,7 @@ def _check_locked(tree: Tree, name: str, value: float) -> None:
         nearest = min(max(value, lower), upper)
         raise RobotError(
             f"{joint.at} is locked at {value:g}, outside its range {lower:g} to {upper:g}; the "
-            f"nearest is {suggest_by_joint('locked', {name: nearest})}"
+            f"nearest is {suggest_by_joint('locked', {name: nearest}, given)}"
         )
 
 
