@@ -35,10 +35,10 @@ def stated_limits(tree: Tree, given: Limits) -> tuple[dict[str, dict[str, Any]],
                     raise RobotError(f"{setting} gives {name} one end of a range, and the description none")
                 found.setdefault(kind, {})[name] = value
     if not found:
-        raise RobotError(
-            f"{setting} states no limit that applies to a joint of {tree.where}: it names "
-            f"{listed([*limits]) or 'no joint'}, expected some of {listed([*tree.joints])}"
-        )
+        named = f"it names {listed([*limits]) or 'no joint'}, expected some of {listed([*tree.joints])}"
+        known = listed([name for name in limits if name in tree.joints])
+        why = f"none is stated of {known}, or has_…_limits: false turns it off" if known else named
+        raise RobotError(f"{setting} states no limit that applies to a joint of {tree.where}: {why}")
     try:
         read = build(Limits, found)
     except ConfigError as error:
