@@ -62,10 +62,17 @@ class Mesh:
             raise ConfigError(f"rpy is {list(self.rpy)} rad: are these degrees? In radians they are {stated}")
 
     @property
+    def path(self) -> Path:
+        """The file, with the user's home in place of ~."""
+        try:
+            return Path(self.file).expanduser()
+        except RuntimeError as error:
+            raise ConfigError(f"mesh file {self.file} cannot be read: {error}") from error
+
+    @property
     def shape(self) -> Convex:
         """The region."""
-        file = Path(self.file).expanduser()
-        points = (self.scale or metres_per_unit(file)) * read_mesh(file)
+        points = (self.scale or metres_per_unit(self.path)) * read_mesh(self.path)
         return Convex.around(points @ from_rpy(self.rpy).T + np.array(self.position))
 
 
@@ -97,11 +104,10 @@ class Region:
         """Plain values that identify the region; files are identified by their contents."""
         plain = {name: x for name, x in asdict(self).items() if x is not None or name in _FIRST}
         if self.mesh is not None:
-            file = self.mesh.file
             try:
-                plain["mesh"]["file"] = file_digest(Path(file).expanduser())
+                plain["mesh"]["file"] = file_digest(self.mesh.path)
             except OSError as error:
-                why = f"mesh file {file} cannot be read: {error.strerror}"
+                why = f"mesh file {self.mesh.file} cannot be read: {error.strerror}"
                 raise ConfigError(f"workspace.regions: {why}") from error
         return plain
 
