@@ -136,6 +136,32 @@ class Workspace:
             own = own if floor is None else [floor, *own]
         return [*(Region(plane=plane) for plane in own), *(self.regions or [])]
 
+    def _floor_note(self, arm: Arm, own: Sequence[Plane]) -> str:
+        """Note on an arm's floor, and the setting that changes it; ``own`` are the description's floors."""
+        without = f"{suggestion('workspace', 'free')} removes it"
+        if own:
+            highest = max(plane.offset for plane in own)
+            return f"floor at z = {highest:g} m, from the description; {without}"
+        floor = floor_under(arm)
+        if floor is None and stands(arm):
+            why = (
+                f"{arm.name} nearly always reaches below what it stands on, or another limb like it is lowest"
+            )
+            return f"no floor: {why}; {self._floor_setting(FILL_IN)} states its height"
+        if floor is None:
+            return f"no floor: {arm.name} does not stand upright; set keep-out regions by workspace.regions"
+        height = f"floor at z = {floor.offset:g} m"
+        if floor_is_known(arm):
+            return f"{height}, which {arm.name} stands on; {without}"
+        guess = f"a guess, since no visual or mesh shows what {arm.name} stands on"
+        stated = self._floor_setting(float(f"{floor.offset:g}"))
+        return f"{height}, {guess}: {stated} states its height; {without}"
+
+    def _floor_setting(self, height: float | str) -> str:
+        """The setting for a message that states a floor's height [m], with the regions given before."""
+        floor = {"plane": {"normal": [0, 0, 1], "offset": height}}
+        return suggestion("workspace.regions", [floor, *(self.regions or [])])
+
     @property
     def _states_floor(self) -> bool:
         """Whether an upward plane among the configured regions replaces the floor."""
@@ -206,7 +232,11 @@ class Workspace:
         if self.desk is None or is_built_in(arm):
             return ""
         own, behind = planes_of(arm)
-        notes = [] if self._states_floor else [_floor_note(arm, [p for p in own if _is_floor(p)])]
+        notes = (
+            []
+            if self._states_floor
+            else [self._floor_note(arm, [plane for plane in own if _is_floor(plane)])]
+        )
         if walls := [plane for plane in own if not _is_floor(plane)]:
             notes.append(f"kept out of: {counted(len(walls), 'plane')} of the description other than floors")
         if behind:
@@ -222,27 +252,3 @@ def _tight(room: Mapping[Links, float]) -> dict[Links, float]:
 def _is_floor(plane: Plane) -> bool:
     """Whether a plane faces up."""
     return plane.unit[2] > UPRIGHT
-
-
-def _floor_note(arm: Arm, own: Sequence[Plane]) -> str:
-    """Note on an arm's floor, and the setting that changes it; ``own`` are the description's floors."""
-    without = f"{suggestion('workspace', 'free')} removes it"
-    if own:
-        return f"floor at z = {max(plane.offset for plane in own):g} m, from the description; {without}"
-    floor = floor_under(arm)
-    if floor is None and stands(arm):
-        why = f"{arm.name} nearly always reaches below what it stands on, or another limb like it is lowest"
-        return f"no floor: {why}; {_floor_setting(FILL_IN)} states its height"
-    if floor is None:
-        return f"no floor: {arm.name} does not stand upright; set keep-out regions by workspace.regions"
-    height = f"floor at z = {floor.offset:g} m"
-    if floor_is_known(arm):
-        return f"{height}, which {arm.name} stands on; {without}"
-    guess = f"a guess, since no visual or mesh shows what {arm.name} stands on"
-    return f"{height}, {guess}: {_floor_setting(floor.offset)} states its height; {without}"
-
-
-def _floor_setting(height: float | str) -> str:
-    """The setting for a message that states a floor's height [m]."""
-    plane = {"normal": [0, 0, 1], "offset": height}
-    return suggestion("workspace.regions", [{"plane": plane}], "g")

@@ -71,6 +71,12 @@ def test_a_user_arm_gets_the_floor_that_it_stands_on(context, stranger, caplog):
     assert context("workspace=free", f"robot.name={stranger}").cell.constraints.regions == ()
 
 
+def test_a_suggested_floor_keeps_the_regions_given(tmp_path):
+    (tmp_path / "mine.urdf").write_text(PLANAR)
+    note = workspace(BALL, choice="desk").notes(load_robot(tmp_path / "mine.urdf"))
+    assert "offset: 0.4}}, {sphere: {centre: [2, 0, 0], radius: 0.1}}]" in note
+
+
 def test_obstacles_keep_the_default_floor_and_a_given_floor_replaces_it(stranger, planar):
     arm, obstacle = load_robot(stranger), workspace(BALL, choice="desk")
     floor, sphere = obstacle.shapes(arm)
