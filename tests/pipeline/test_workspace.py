@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sidegan.errors import ConfigError
 from sidegan.robot import Setup, load_robot
 from sidegan.robot.load import _MODELS
 from sidegan.validity import Convex, Plane, Sphere
+from tests.refusals import refused
 from tests.tiny import tiny
 
 DESK = {"plane": {"normal": (0.0, 0.0, 1.0), "offset": 0.1}, "box": None}
@@ -49,6 +51,14 @@ def test_regions_of_all_kinds(tmp_path, planar):
     assert isinstance(ball, Sphere) and ball.radius == 0.1 and isinstance(rod, Convex)
     np.testing.assert_allclose([rod.points.min(0)[2], rod.points.max(0)[2]], [0, 1], atol=1e-9)
     np.testing.assert_allclose(wedge.points.max(0), [0.1, 0.1, 2.1], atol=1e-9)
+
+
+@pytest.mark.parametrize("encoding", ["utf-32", "klingon"])
+def test_a_mesh_in_an_unknown_encoding_is_not_said_to_have_a_wrong_unit(tmp_path, planar, encoding):
+    file = tmp_path / "wedge.dae"
+    file.write_text(f'<?xml version="1.0" encoding="{encoding}"?><COLLADA/>')
+    with refused(ConfigError, "wedge.dae", "cannot be read"):
+        workspace(f"{{mesh: {{file: {file}}}}}").shapes(planar)
 
 
 def test_a_mesh_is_stamped_by_its_content(tmp_path, planar):
