@@ -3,8 +3,9 @@
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, numbers
 from sidegan.base.names import listed
 from sidegan.errors import RobotError, ShapeError
 from sidegan.robot import thresholds
@@ -199,7 +200,7 @@ def _unit_link(centre: Array, spread: Array) -> Array:
     return FROM_PSEUDO_INERTIA @ whole.ravel()
 
 
-def inconsistent_links(arm: Arm, parameters: Array | None = None) -> list[tuple[str, str]]:
+def inconsistent_links(arm: Arm, parameters: ArrayLike | None = None) -> list[tuple[str, str]]:
     """Physically inconsistent links, each with the reason.
 
     A link includes everything fixed to it. ``parameters``, the arm's by default, are about the joints'
@@ -208,13 +209,13 @@ def inconsistent_links(arm: Arm, parameters: Array | None = None) -> list[tuple[
     Raises:
         ShapeError: when the parameters do not fit the arm.
     """
-    links = arm.inertial_parameters if parameters is None else parameters
+    links = arm.inertial_parameters if parameters is None else numbers(parameters, "parameters")
     if links.shape != (arm.joints, 10):
         raise ShapeError(f"inertial parameters are {links.shape}, expected ({arm.joints}, 10)")
     return [(name, reason) for name, link in zip(arm.link_names, links) if (reason := _reason(link))]
 
 
-def require_consistent(arm: Arm, parameters: Array | None = None) -> None:
+def require_consistent(arm: Arm, parameters: ArrayLike | None = None) -> None:
     """Raise unless every link is physically consistent; arguments as of ``inconsistent_links``.
 
     Raises:

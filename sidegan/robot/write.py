@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array
-from sidegan.base.storage import replacing
+from sidegan.base.arrays import Array, numbers
+from sidegan.base.storage import path_of, replacing
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import Arm, states_of
@@ -25,7 +25,7 @@ from sidegan.robot.xml import words
 _TOLERANCE = 1e-12  # of the largest parameter, for errors of writing and reading
 
 
-def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = None) -> None:
+def write_urdf(arm: Arm, parameters: ArrayLike, path: str | Path, drives: Drives | None = None) -> None:
     """Write the arm's URDF with these inertial parameters and otherwise unchanged.
 
     Limits that URDF requires but the source lacks are the arm's. Capsules of an MJCF, which URDF does not
@@ -35,7 +35,7 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
     is included. The file is written atomically, after a check that it reads back to the same parameters.
 
     Args:
-        arm: the arm, read from a URDF.
+        arm: the arm, whose description is the start, of any format.
         parameters: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joints' frames, (J, 10).
         path: where to write; in the source's folder, if mesh paths are relative.
         drives: friction for the joints' `<dynamics>`, unchanged if None; URDF has no rotor inertia.
@@ -45,6 +45,7 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
         ShapeError: when the parameters are not (J, 10), or friction is not of J joints.
         StorageError: when the file cannot be written.
     """
+    path, parameters = path_of(path, "path"), numbers(parameters, "parameters")
     require_consistent(arm, parameters)
     if drives is not None:
         drives.require_joints(arm.joints)
@@ -73,7 +74,7 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
         _check(arm, parameters, draft)
 
 
-def torque_of_urdf(path: Path, arm: Arm, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+def torque_of_urdf(path: str | Path, arm: Arm, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
     """Pinocchio's torque [N·m or N], (S, J), of an arm's URDF at states (S, J), with damping and friction.
 
     Friction changes its sign with the velocity at once, as the format means it.
@@ -83,7 +84,7 @@ def torque_of_urdf(path: Path, arm: Arm, q: ArrayLike, dq: ArrayLike, ddq: Array
     """
     states = states_of(arm.joints, q, dq, ddq)
     setup = replace(arm.setup, args=None, mount=arm.mount, friction=True)
-    model = pinocchio_model(description := read_description(path, setup, planning=False))
+    model = pinocchio_model(description := read_description(Path(path), setup, planning=False))
     model.gravity.linear = arm.gravity  # which no URDF states
     data = model.createData()
     rigid = np.array([pin.rnea(model, data, *state).copy() for state in zip(*states)]).reshape(-1, arm.joints)

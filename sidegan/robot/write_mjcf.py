@@ -14,8 +14,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array
-from sidegan.base.storage import write_bytes
+from sidegan.base.arrays import Array, numbers
+from sidegan.base.storage import path_of, write_bytes
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, states_of
 from sidegan.robot.consistency import about_the_centre, require_consistent
@@ -28,7 +28,7 @@ _STEP = 1e-3  # [s] time step of a written model
 _STIFFEST = 2.0  # steps; shortest time constant with which MuJoCo can solve friction
 
 
-def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
+def write_mjcf(arm: Arm, parameters: ArrayLike, path: str | Path, drives: Drives) -> None:
     """Write an arm with these inertial parameters, friction and rotors as MJCF, for MuJoCo and Pinocchio.
 
     Shapes are the links' convex pieces, with exclusions of neighbours and of pairs that may touch; contacts
@@ -47,6 +47,7 @@ def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
     """
     import mujoco
 
+    path, parameters = path_of(path, "path"), numbers(parameters, "parameters")
     require_consistent(arm, parameters)
     drives.require_joints(arm.joints)
     possible = Drives(*(np.maximum(x, 0.0) for x in vars(drives).values()))  # no reader takes less
@@ -67,7 +68,7 @@ def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
     write_bytes(path, (text + "\n").encode("utf-8"))
 
 
-def torque_of_mjcf(path: Path, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+def torque_of_mjcf(path: str | Path, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
     """MuJoCo's torque [N·m or N], (S, J), of an MJCF at states (S, J), even beyond its joints' ranges.
 
     Raises:
@@ -76,7 +77,7 @@ def torque_of_mjcf(path: Path, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> A
     """
     import mujoco
 
-    with mujoco_logged(path.name):
+    with mujoco_logged(Path(path).name):
         try:
             model = mujoco.MjModel.from_xml_path(str(path))
         except ValueError as error:

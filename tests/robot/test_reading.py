@@ -285,7 +285,11 @@ BAD = {
     "joint_limits: {finger: {has_jerk_limits: true, max_jerk: 1}}": ["finger"],
     "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: fast}}": ["jerk.joint0", "'fast'"],
     "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: 0}}": ["jerk.joint0", "0"],
-    "joint_limits: {joint0: {has_velocity_limits: false, max_velocity: 1}}": ["no limit", "of joint0", "has_"],
+    "joint_limits: {joint0: {has_velocity_limits: false, max_velocity: 1}}": [
+        "no limit",
+        "of joint0",
+        "has_",
+    ],
     "joint_limits: {joint0: {min_position: 1, max_position: -1}}": ["joint0", "1 to -1"],
     "joint_limits: {joint0: {max_velocity: !degrees [90]}}": ["scalar"],
     "limits: 3": ["joint_limits"],

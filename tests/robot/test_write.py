@@ -129,14 +129,13 @@ def test_files_of_a_mounted_arm_with_a_locked_joint_give_its_torques(tmp_path):
 
 
 def test_torques_at_whole_numbers_are_not_rounded_and_of_no_states_are_none(planar, tmp_path):
-    write_urdf(planar, planar.inertial_parameters, tmp_path / "a.urdf")
-    write_mjcf(planar, planar.inertial_parameters, tmp_path / "a.xml", Drives.none(2))
+    """Files are named, and parameters given, as users have them."""
+    urdf, mjcf = str(tmp_path / "a.urdf"), str(tmp_path / "a.xml")
+    write_urdf(planar, planar.inertial_parameters.tolist(), urdf)
+    write_mjcf(planar, planar.inertial_parameters.tolist(), mjcf, Drives.none(2))
     whole, none = [[1, 2], [3, 4]], np.zeros((0, 2))
     expected = RigidBody(planar).torque(*[np.array(whole, float)] * 3)
-    for read in (
-        lambda *x: torque_of_urdf(tmp_path / "a.urdf", planar, *x),
-        partial(torque_of_mjcf, tmp_path / "a.xml"),
-    ):
+    for read in (lambda *x: torque_of_urdf(urdf, planar, *x), partial(torque_of_mjcf, mjcf)):
         np.testing.assert_allclose(read(whole, whole, whole), expected, rtol=0, atol=1e-9)
         assert read(none, none, none).shape == (0, 2)
 
