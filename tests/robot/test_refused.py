@@ -118,7 +118,7 @@ REFUSED = {
         (more(RING, link("base")), ("'base'", "x, y")),
         (LOOP, ("'third'", "'upper'")),
         (more(one_joint(), link("lost")), ("'base', 'lost'",)),
-        (RING, ("0 links",)),
+        (RING, ("loop",)),
         (two_joints().replace('"second"', '"first"'), ("2 joints", "'first'")),
         (one_joint().replace('child link="arm"', 'child link="leg"'), ("'turn'", "'leg'")),
         (one_joint().replace('<child link="arm"/>', ""), ("'turn'", "<child>")),
