@@ -151,7 +151,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str
     arm = {joint.name for joint in tree.path(moving[-1].child)}
     for what, loop in tree.loops.items():
         beside = {name: locked[name] for name in locked if name in loop - arm}
-        floats = any(tree.joints[name].kind == "floating" for name in beside)  # so that the loop is open
+        floats = any(tree.joints[name].kind in ("floating", "ball") for name in beside)  # so that the loop is open
         if loop & {*free} and not (floats or beside.keys() & given.keys()):
             wrong[what] = f"{tree.where}: {what} ties {listed([name for name in free if name in loop])}"
             remedies |= beside

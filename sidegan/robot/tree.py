@@ -20,6 +20,7 @@ _TIES = "loop_joint", "joint", "ball_constraint", "linear_bushing_rpy"
 REFUSED = {  # joint types that an arm cannot have, and why
     "floating": "the arm's base must be fixed",
     "planar": "a joint must have one degree of freedom",
+    "ball": "a joint must have one degree of freedom",  # only from an MJCF
 }
 
 

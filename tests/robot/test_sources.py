@@ -245,6 +245,13 @@ def test_ties_and_motors_on_several_joints_are_refused_until_the_user_says_more(
         assert arm.torque_limit.tolist() == [9.0 if setup is STRONG else 90.0] * 3
 
 
+def test_a_ball_joint_is_no_floating_base_and_may_be_locked(load):
+    ball = driven(type="ball").replace('type="ball"', 'type="ball" limited="false" actuatorfrclimited="false"')
+    with refused(RobotError, "'jb' is ball: a joint must", "locked={'jb': 0}"):
+        load(ball, FREE, name="arm.xml")
+    assert load(ball, replace(FREE, locked={"jb": 0.0}), name="arm.xml").joint_names == ("ja", "jc")
+
+
 def test_reading_two_joints_on_one_axis_leaves_no_file_of_mujocos(load, tmp_path, monkeypatch):
     """The inertia matrix is singular, of which MuJoCo warns."""
     monkeypatch.chdir(tmp_path)
