@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,7 @@ LOCKED = "locked "  # start of a note on locked joints
 NO_INERTIA = "no inertia: "  # start of a note on missing inertias
 
 FilePlane = tuple[float, float, float, float]  # unit normal, and the height along it [m]
-_FINEST = 2.0**40  # steps per unit: 1e-12 is above rounding errors and below significant figures
+_FINEST = 2.0**40  # steps per unit of rounded numbers: 1e-12, above errors and below significant figures
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +130,7 @@ class Arm(MotionLimits):
         return [note.removeprefix(NO_INERTIA) for note in self.notes if note.startswith(NO_INERTIA)]
 
     def unlike(self, robot: str, digest: str) -> str:
-        """Words for a message on another arm's name and digest, in place of this arm's."""
+        """End of a message on what was made for another arm, of this name and digest, not for this one."""
         return (
             f"{robot} (digest {digest[:12]}), not for {self.name} (digest {self.digest[:12]}), "
             "whose description, limits or share of them (effort) differ"
@@ -171,16 +172,17 @@ def states_of(joints: int, *given: ArrayLike) -> list[Array]:
     return states
 
 
-def length_of(arm: Mapping[str, Array]) -> float:
-    """Approximate reach of an arm from its first joint [m]; ``arm`` has arrays named as in `Arm`.
+def length_of(fields: Mapping[str, Any]) -> float:
+    """Approximate reach of an arm from its first joint [m]; ``fields`` has arrays named as in `Arm`.
 
-    The median centre of mass stands for the last link if its tip is nearer.
+    The last link counts up to its tip, or by the median distance of all links' centres of mass from their
+    joints, if that is larger.
     """
-    mass = np.maximum(arm["inertial_parameters"][:, 0], 1e-9)
-    centres = np.linalg.norm(arm["inertial_parameters"][:, 1:4], axis=1) / mass
-    slides = np.where(arm["prismatic"], arm["position_upper"] - arm["position_lower"], 0.0)
-    offsets = np.linalg.norm(arm["translation"][1:], axis=1).sum() + slides.sum()
-    return float(offsets + max(np.linalg.norm(arm["tip"]), np.median(centres)))
+    mass = np.maximum(fields["inertial_parameters"][:, 0], 1e-9)
+    centres = np.linalg.norm(fields["inertial_parameters"][:, 1:4], axis=1) / mass
+    slides = np.where(fields["prismatic"], fields["position_upper"] - fields["position_lower"], 0.0)
+    offsets = np.linalg.norm(fields["translation"][1:], axis=1).sum() + slides.sum()
+    return float(offsets + max(np.linalg.norm(fields["tip"]), np.median(centres)))
 
 
 def rounded(numbers: Array) -> bytes:

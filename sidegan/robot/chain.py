@@ -12,8 +12,9 @@ from sidegan.robot.setup import Setup
 from sidegan.robot.tree import MOVABLE, REFUSED, Tree, UrdfJoint, similar_names
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
-_STILL = "its motion, the torque for it, and collisions elsewhere than where it stands are left out"
+_STILL = "motion, the torque for it, and collisions in other places are left out"
 _MOST_TIPS = 6  # suggested in a message
+_MOST_LOCKED = 12  # named in a note
 _ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
 
 
@@ -73,7 +74,7 @@ def _mimicked_beside(tree: Tree) -> set[str]:
 
 
 def _only(tree: Tree, paths: dict[str, list[UrdfJoint]]) -> list[UrdfJoint]:
-    """The path to the last joint; raises unless all others lie on it."""
+    """The longest of these paths, by their last joints; raises unless all the others are parts of it."""
     inner = {joint.name for path in paths.values() for joint in path[:-1]}
     ends = [name for name in paths if name not in inner]
     if len(ends) == 1:
@@ -151,7 +152,9 @@ def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str
     arm = {joint.name for joint in tree.path(moving[-1].child)}
     for what, loop in tree.loops.items():
         beside = {name: locked[name] for name in locked if name in loop - arm}
-        floats = any(tree.joints[name].kind in ("floating", "ball") for name in beside)  # so that the loop is open
+        floats = any(
+            tree.joints[name].kind in ("floating", "ball") for name in beside
+        )  # so that the loop is open
         if loop & {*free} and not (floats or beside.keys() & given.keys()):
             wrong[what] = f"{tree.where}: {what} ties {listed([name for name in free if name in loop])}"
             remedies |= beside
@@ -160,7 +163,7 @@ def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str
         remedy = locks if remedies else "delete it from the file if the arm does not have it"
         first, *rest = wrong.values()
         reasons = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in rest)])
-        raise RobotError(f"{reasons}, which is not modelled; {remedy}{''.join(ends[:1])}")
+        raise RobotError(f"{reasons}: this is not modelled; {remedy}{''.join(ends[:1])}")
     return locked
 
 
@@ -191,11 +194,11 @@ def describe_fixed(
         notes.append(f"constraints left out, so that trajectories may break them: {listed([*tree.loops])}")
     if not locked:
         return notes
-    stand = []
+    standing = []
     free = {joint.name for joint in moving}
     for name, value in locked.items():
         joint = tree.joints[name]
-        stand.append(f"{name} at {f'{value:.4g} {joint.unit}' if joint.kind in MOVABLE else 'its origin'}")
+        standing.append(f"{name} at {f'{value:.4g} {joint.unit}' if joint.kind in MOVABLE else 'its origin'}")
         if joint.leader in free:
             notes.append(f"{name} mimics {joint.leader}, which moves: {_STILL}")
     lumped: dict[str, list[str]] = {}
@@ -211,4 +214,4 @@ def describe_fixed(
             if carrier
             else f"fixed to the base: {listed(links)}"
         )
-    return [LOCKED + listed(stand, 12), *notes]
+    return [LOCKED + listed(standing, _MOST_LOCKED), *notes]

@@ -102,8 +102,8 @@ def read_description(
     path_joints = tree.path(moving[-1].child)
     on_chain = {joint.parent for joint in path_joints} | {joint.child for joint in path_joints}
     for link, element in links.items():
-        # Surroundings, such as a fixed table, may have several shapes in one geometry, but no link of the arm
-        # and nothing that it carries.
+        # Surroundings, such as a fixed table, may have several shapes in one geometry, but neither the arm's
+        # links nor what the last one carries.
         if link not in on_chain and moving[-1] not in tree.path(link):
             _separate(element)
         if absent := _prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
@@ -114,7 +114,7 @@ def read_description(
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
     if source.gravity is not None and not any(source.gravity):
         how = setting_name("robot.mount")
-        notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed ({how})")
+        notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed, down as {how} has it")
     shaped = {link for link, element in links.items() if element.find("collision") is not None}
     acting = {what: [joint for joint in moved if joint in on] for what, on in source.passive.items()}
     return Description(

@@ -40,7 +40,8 @@ def limits_of(
 
     They are also written into the tree's XML, since Pinocchio requires them. Continuous joints may turn by
     half a turn from home [rad]. Missing or impossible limits are refused together, with the settings that
-    state them, and so are limits in other units; without planning, these become defaults or are converted.
+    state them, and so are limits in other units; without planning, the former get defaults, and the latter
+    are converted.
     """
     given = given.of_joints(joint.name for joint in moving)
     stated, notes = stated_limits(tree, given)
@@ -78,7 +79,9 @@ def limits_of(
         missing = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
         raise RobotError(f"{missing}; state the arm's limits, for example {suggested(described.examples)}")
     if assumed := _without_blanks(described.examples):
-        notes.append(f"limits missing from the description are assumed to be {suggest_limits(assumed)}")
+        notes.append(
+            f"limits that the description lacks, or cannot have, are assumed to be {suggest_limits(assumed)}"
+        )
     if doubts:
         in_si = f"{' '.join(doubts)} In SI units they are then {suggested(converted)}"
         if planning:
@@ -122,7 +125,7 @@ def _arrays(found: _ByKind) -> dict[str, Array]:
 
 
 def _without_blanks(examples: _ByKind) -> _ByKind:
-    """Limits by kind and joint, but for those that only the user can fill in."""
+    """Limits by kind and joint, without those that only the user can fill in."""
     known = {
         kind: {name: x for name, x in values.items() if x != FILL_IN} for kind, values in examples.items()
     }
@@ -130,12 +133,12 @@ def _without_blanks(examples: _ByKind) -> _ByKind:
 
 
 def _check_stated(tree: Tree, stated: _ByKind) -> None:
-    """Raise unless the user's limits, by kind and joint, are of joints that exist, in ranges."""
+    """Raise unless the user's limits, by kind and joint, are of joints that exist, and ranges not empty."""
     for kind, values in stated.items():
         for name in values:
             if name not in tree.joints:
                 raise RobotError(
-                    f"{tree.where} has no joint {name!r} of {setting_name(f'robot.limits.{kind}')}"
+                    f"{tree.where} has no joint {name!r}, as in {setting_name(f'robot.limits.{kind}')}"
                     f"{similar_names(name, tree.joints)}"
                 )
     for name, (lower, upper) in stated["position"].items():
@@ -145,7 +148,7 @@ def _check_stated(tree: Tree, stated: _ByKind) -> None:
 
 
 class _Described:
-    """Limits of a description; for missing or impossible ones, the reasons and examples instead."""
+    """Limits of a description, or examples for missing and impossible ones, with reasons to refuse it."""
 
     def __init__(self, home: dict[str, float]) -> None:
         self.home = home
@@ -252,7 +255,8 @@ def _in_other_units(
 def _questionable(joint: UrdfJoint, kind: str, users: bool) -> bool:
     """Whether a joint's limit may be in another unit.
 
-    Any of the description's may be; of the user's only a range, whose description is clearly in radians.
+    Any of the description's may be; of the user's only a range of a joint that the description limits too,
+    and not in degrees: to at most a turn.
     """
     if kind != "position":
         return not users

@@ -34,7 +34,7 @@ def built_in_robots() -> list[str]:
 
 
 def is_built_in(arm: Arm) -> bool:
-    """Whether an arm is a built-in one, mounted upright."""
+    """Whether an arm is a built-in one, and not mounted otherwise, not even turned about the vertical."""
     return arm.urdf.parent == _MODELS and not any(arm.mount)
 
 
@@ -46,8 +46,8 @@ def load_robot(
 ) -> Arm:
     """An arm (J joints, float64, SI units) from a built-in name or a description.
 
-    Links behind fixed or locked joints become part of the link that carries them. The tip is the frame of
-    the link that the setup names, or of the link farthest from the last joint among those it carries.
+    Links behind fixed or locked joints become part of the link that carries them. The tip is the origin of
+    the link that the setup names, or, if that is the last joint's own, of the link farthest from that joint.
     Collision shapes become capsules that enclose them. Missing mesh files are left out, with a warning.
 
     Args:
@@ -140,7 +140,7 @@ def _find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
         if path.is_file():
             return path.resolve(), {}
         if path.is_dir():
-            raise RobotError(f"{path} is a folder, expected a URDF file")
+            raise RobotError(f"{path} is a folder, expected a URDF, xacro or MJCF file")
     except (OSError, RuntimeError) as error:  # a forbidden folder, an unknown ~user
         raise RobotError(f"cannot look for {name_or_path}: {error}") from error
     if isinstance(name_or_path, str) and not path.suffix and path.name == name_or_path:
@@ -149,9 +149,9 @@ def _find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
         more = "" if find_spec("robot_descriptions") else "; pip install 'sidegan[named]' adds many more"
         names = ", ".join(built_in_robots())
         raise RobotError(
-            f"there is no robot named {name_or_path!r}, expected {names} or the path of a URDF file{more}"
+            f"there is no robot named {name_or_path!r}, expected {names} or the path of a description{more}"
         )
-    raise RobotError(f"there is no URDF file {path}")
+    raise RobotError(f"there is no file {path}")
 
 
 def _by_name(name: str) -> tuple[Path, dict[str, str]] | None:

@@ -173,7 +173,9 @@ def read_tree(root: ET.Element, where: str) -> Tree:
     if not names["link"]:
         raise RobotError(f"{where} has no link, expected those of an arm")
     if not bases:
-        raise RobotError(f"{where}: joints form a loop, since every link is the child of one; expected a base")
+        raise RobotError(
+            f"{where}: joints form a loop, since every link is the child of one; expected a base"
+        )
     if len(bases) != 1:
         raise RobotError(f"{where} has {len(bases)} links without a parent {bases}, expected only the base")
     extras = [element for element in root if element.tag not in ("link", "joint")]

@@ -246,7 +246,9 @@ def test_ties_and_motors_on_several_joints_are_refused_until_the_user_says_more(
 
 
 def test_a_ball_joint_is_no_floating_base_and_may_be_locked(load):
-    ball = driven(type="ball").replace('type="ball"', 'type="ball" limited="false" actuatorfrclimited="false"')
+    ball = driven(type="ball").replace(
+        'type="ball"', 'type="ball" limited="false" actuatorfrclimited="false"'
+    )
     with refused(RobotError, "'jb' is ball: a joint must", "locked={'jb': 0}"):
         load(ball, FREE, name="arm.xml")
     assert load(ball, replace(FREE, locked={"jb": 0.0}), name="arm.xml").joint_names == ("ja", "jc")
