@@ -28,8 +28,8 @@ _TOLERANCE = 1e-12  # of the largest parameter, for errors of writing and readin
 def write_urdf(arm: Arm, parameters: ArrayLike, path: str | Path, drives: Drives | None = None) -> None:
     """Write the arm's URDF with these inertial parameters and otherwise unchanged.
 
-    Limits that URDF requires but the source lacks are the arm's. Capsules of an MJCF, which URDF does not
-    have, become cylinders with a ball at each end.
+    Where the source lacks limits that URDF requires, or has impossible ones, the arm's are written. Capsules
+    of an MJCF, which URDF does not have, become cylinders with a ball at each end.
 
     Each joint's parameters go to the link that it moves; links fixed to that one lose their inertia, which
     is included. The file is written atomically, after a check that it reads back to the same parameters.
@@ -114,14 +114,15 @@ def _put(owner: ET.Element, tag: str, element: ET.Element | None) -> None:
 
 
 def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
-    """Add missing limits to the arm's k-th joint."""
+    """Write the arm's limits where its k-th joint has none or impossible ones."""
     limit = joint.find("limit")
     if limit is None:
         limit = ET.SubElement(joint, "limit")
-    if joint.get("type") != "continuous" and not {"lower", "upper"} & set(limit.attrib):
+    lower, upper = (xml.number_or_zero(limit.get(end)) for end in ("lower", "upper"))
+    if joint.get("type") != "continuous" and not lower < upper:
         limit.set("lower", repr(float(arm.position_lower[k])))
         limit.set("upper", repr(float(arm.position_upper[k])))
-    if not xml.number_or_zero(limit.get("velocity")):
+    if not xml.number_or_zero(limit.get("velocity")) > 0:
         limit.set("velocity", repr(float(arm.velocity_limit[k])))
     unread = limit.attrib.pop("not_read", None)  # of an MJCF's motor
     if (unread or "effort" not in limit.attrib) and np.isfinite(arm.torque_limit[k]):

@@ -94,6 +94,15 @@ def test_comments_extra_elements_and_unicode_are_kept(load, tmp_path):
     assert '<gazebo reference="arm"><inertial />' in written
 
 
+@pytest.mark.parametrize("lower", [0, 1])  # as SolidWorks exports joints, and the wrong way round
+def test_impossible_limits_give_way_to_the_users_when_written(load, tmp_path, lower):
+    text = one_joint(limit=f'<limit lower="{lower}" upper="0" velocity="-1" effort="1"/>')
+    arm = load(text, Setup(limits=Limits(position={"turn": (-1.0, 2.0)}, velocity=3.0)))
+    write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
+    read = load_robot(tmp_path / "out.urdf")
+    assert (read.position_lower, read.position_upper, read.velocity_limit) == (-1, 2, 3)
+
+
 @pytest.mark.parametrize("effort", [None, 9.0])
 def test_a_limit_without_effort_is_written_as_other_readers_require_it(load, tmp_path, effort):
     text = one_joint(limit='<limit lower="-1" upper="1" velocity="1"/>')
