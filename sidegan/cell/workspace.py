@@ -11,7 +11,7 @@ import numpy as np
 
 from sidegan import validity
 from sidegan.base.names import counted
-from sidegan.base.settings_text import FILL_IN, suggestion
+from sidegan.base.settings_text import FILL_IN, setting_name, suggestion
 from sidegan.base.storage import file_digest
 from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.cell.thresholds import KEPT_SHARE, USUAL_CLEARANCES
@@ -239,6 +239,9 @@ class Workspace:
         )
         if walls := [plane for plane in own if not _is_floor(plane)]:
             notes.append(f"kept out of: {counted(len(walls), 'plane')} of the description other than floors")
+        if self.desk != Workspace.desk and not self._states_floor:
+            unused = f"{setting_name('workspace.desk')} of {self.desk:g} m is for built-in arms only"
+            notes.append(f"{unused}: {self._floor_setting(self.desk)} states a floor there")
         if behind:
             notes.append(f"planes that {arm.name} is nearly always behind are ignored: {behind}")
         return "; ".join(notes)

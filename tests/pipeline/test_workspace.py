@@ -1,6 +1,7 @@
 """What surrounds an arm: every kind of region, and the floor under arms of strangers."""
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +86,14 @@ def test_a_suggested_floor_keeps_the_regions_given(tmp_path):
     (tmp_path / "mine.urdf").write_text(PLANAR)
     note = workspace(BALL, choice="desk").notes(load_robot(tmp_path / "mine.urdf"))
     assert "offset: 0.4}}, {sphere: {centre: [2, 0, 0], radius: 0.1}}]" in note
+
+
+def test_a_height_of_the_desk_that_does_not_count_is_told(stranger, planar):
+    place = replace(workspace(choice="desk"), desk=-0.5)
+    assert "workspace.desk of -0.5 m is for" in place.notes(load_robot(stranger))
+    assert place.notes(planar) == "" and "workspace.desk" not in workspace(choice="desk").notes(
+        load_robot(stranger)
+    )
 
 
 def test_obstacles_keep_the_default_floor_and_a_given_floor_replaces_it(stranger, planar):
