@@ -28,7 +28,7 @@ from sidegan.validity.pairs import Links, usual_room
 
 Point = tuple[Number, Number, Number]
 
-_FIRST = ("plane", "box")  # kinds of regions that all stamps name
+_FIRST = ("plane", "box")  # kinds of regions that every stamp names, even if null
 _BESIDE = 1 / KEPT_SHARE - 1  # room to move beside a kept distance, as a share of it
 _STEPS = 1e3  # per metre; kept distances are whole steps
 
@@ -228,7 +228,7 @@ class Workspace:
         return stamp if self.clearance == 0 else stamp | {"clearance": self.clearance}
 
     def notes(self, arm: Arm) -> str:
-        """Notes on floor and planes that the user did not set; empty if there are none."""
+        """Notes on floor and planes that the user did not set, or in vain; empty if there are none."""
         if self.desk is None or is_built_in(arm):
             return ""
         own, behind = planes_of(arm)
@@ -248,7 +248,7 @@ class Workspace:
 
 
 def _tight(room: Mapping[Links, float]) -> dict[Links, float]:
-    """What to keep [m] between links that have only so much room [m]."""
+    """Distances to keep between links [m], of the room that they have [m]."""
     return {links: math.floor(KEPT_SHARE * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
 
 

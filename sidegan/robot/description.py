@@ -114,7 +114,9 @@ def read_description(
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
     if source.gravity is not None and not any(source.gravity):
         how = setting_name("robot.mount")
-        notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed, down as {how} has it")
+        notes.append(
+            f"the file switches gravity off: {GRAVITY} m/s² is assumed; {how} says which way is down"
+        )
     shaped = {link for link, element in links.items() if element.find("collision") is not None}
     acting = {what: [joint for joint in moved if joint in on] for what, on in source.passive.items()}
     return Description(

@@ -57,9 +57,9 @@ def write_urdf(arm: Arm, parameters: ArrayLike, path: str | Path, drives: Drives
     root = parsed(source.text, comments=True)
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     for k, name in enumerate(arm.joint_names):
-        _complete(joints[name], arm, k)
+        _complete_limits(joints[name], arm, k)
     if source.gravity is not None:  # an MJCF
-        _round(root)
+        _replace_capsules(root)
     for link in root.findall("link"):
         name = link.get("name", "")
         if carriers[name] is not None:
@@ -113,7 +113,7 @@ def _put(owner: ET.Element, tag: str, element: ET.Element | None) -> None:
         owner.insert(index, element)
 
 
-def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
+def _complete_limits(joint: ET.Element, arm: Arm, k: int) -> None:
     """Write the arm's limits where its k-th joint has none or impossible ones."""
     limit = joint.find("limit")
     if limit is None:
@@ -130,7 +130,7 @@ def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
     limit.attrib.setdefault("effort", "0")
 
 
-def _round(root: ET.Element) -> None:
+def _replace_capsules(root: ET.Element) -> None:
     """Replace capsules, which URDF does not have, by cylinders with a ball at each end."""
     for link in root.findall("link"):
         for shape in [child for child in link if child.find("geometry/capsule") is not None]:

@@ -57,7 +57,7 @@ def write_mjcf(arm: Arm, parameters: ArrayLike, path: str | Path, drives: Drives
         joint.set("range", words([lower, upper]))
         if np.isfinite(effort):
             joint.set("actuatorfrcrange", words([-effort, effort]))
-    _draw(arm, root)
+    _add_shapes(arm, root)
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     try:
@@ -132,7 +132,7 @@ def chain(
     return root
 
 
-def _draw(arm: Arm, root: ET.Element) -> None:
+def _add_shapes(arm: Arm, root: ET.Element) -> None:
     """Add shapes to the bodies of links and of what is fixed to them."""
     world = child(root, "worldbody", "")
     assets = ET.Element("asset")
@@ -150,7 +150,7 @@ def _draw(arm: Arm, root: ET.Element) -> None:
         root.insert(1, assets)
     contact = ET.Element("contact")
     links = dict(zip(arm.capsules.owners, arm.capsules.link.tolist()))
-    # Shapes around an offset anchor have a body of their own, which hides whose neighbours they are.
+    # Shapes around an offset anchor are in a body of their own, so that MuJoCo does not see their neighbours.
     beside = [pair for pair in arm.parents or () if abs(links.get(pair[0], -1) - links.get(pair[1], -1)) == 1]
     pairs = {tuple(sorted(pair)) for pair in (*beside, *(pair for *pair, _ in arm.may_touch))}
     for a, b in sorted(pairs):
