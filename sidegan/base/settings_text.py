@@ -72,9 +72,15 @@ def suggest_by_joint(
     return suggestion(f"robot.{name}", {**(given or {}), **values}, _ROUNDED)
 
 
-def suggest_limits(values: Mapping[str, Mapping[str, object]]) -> str:
-    """Limits of the arm by kind and joint for a message."""
-    return suggest_fields("robot.limits", values, _ROUNDED)
+def suggest_limits(
+    values: Mapping[str, Mapping[str, object]], given: Mapping[str, object] | None = None
+) -> str:
+    """Limits of the arm by kind and joint for a message.
+
+    In Python they are one setting, which then includes other kinds given before.
+    """
+    before = {} if _of_a_command.get() else given or {}
+    return suggest_fields("robot.limits", {**before, **values}, _ROUNDED)
 
 
 def suggest_touching(pairs: Iterable[Sequence[str]], given: Iterable[Sequence[str]] | None = None) -> str:

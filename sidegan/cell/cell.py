@@ -229,7 +229,8 @@ class Cell:
 def require_cell(given: object) -> None:
     """Refuse everything but a cell, such as the path of a description, by a ConfigError."""
     if not isinstance(given, Cell):
-        raise ConfigError(f"cell is {given!r}, expected a Cell, such as sidegan.Cell({given!r})")
+        robot = str(given) if isinstance(given, str | Path) else "arm.urdf"
+        raise ConfigError(f"cell is {given!r}, expected a Cell, such as sidegan.Cell({robot!r})")
 
 
 def coefficients_of(given: ArrayLike, cell: Cell) -> Array:

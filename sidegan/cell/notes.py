@@ -46,7 +46,7 @@ def _far_regions(arm: Arm, workspace: Workspace, constraints: Constraints) -> st
 
 
 def _touching(arm: Arm) -> str:
-    """A sentence on links that mostly touch; empty if there are none."""
+    """A sentence on links that touch in most configurations; empty if there are none."""
     touching = mostly_touching(arm)
     if not touching:
         return ""
@@ -58,7 +58,7 @@ def _touching(arm: Arm) -> str:
 
 
 def _doubtful_masses(arm: Arm) -> list[str]:
-    """Sentences on masses that cannot be, or that are placeholders."""
+    """Sentences on links that cannot be as described, and on masses that are placeholders."""
     found = []
     masses = describe_doubtful_links(arm)
     if masses and not arm.inertial_parameters.any():
@@ -107,22 +107,22 @@ def _home(arm: Arm, home: Sequence[float]) -> str:
     """A sentence on a home (J,) [rad or m] that the user did not set."""
     own = arm.home
     if own is not None and tuple(own) == tuple(home):
-        why = "home is the rest position of the description:"
+        why = "home is that of the description:"
     else:
-        why = f"{'zero' if own is None else 'the rest position'} is not a feasible home; home is"
+        other = "zero is not a feasible home" if own is None else "the description's home is not feasible"
+        why = f"{other}; home is"
     place = ", ".join(f"{x:g}" for x in home)
     return f"{why} {place}; {suggestion('trajectory.home', FILL_IN)} changes it"
 
 
 def _friction(arm: Arm, effort: float) -> str:
-    """A sentence on friction and rotors in the check of torque limits; empty if all of these are used."""
+    """A sentence on friction and rotors in torques; empty if there are none, and no reserve for them."""
     if arm.drives is None:
         free = f"{1 - effort:.0%} of the torque limits in reserve must cover it"
         return f"the description has no friction: the {free}" if effort < 1 else ""
-    viscous = np.count_nonzero(arm.drives.viscous)
-    dry = np.count_nonzero(arm.drives.coulomb)
-    rotors = int(np.count_nonzero(arm.drives.rotor_inertia))
+    joints = {name: int(np.count_nonzero(x)) for name, x in vars(arm.drives).items()}
     return (
-        f"torques include the description's damping of {viscous}, friction of {dry} and armature "
-        f"of {counted(rotors, 'joint')}; {suggestion('robot.friction', False)} leaves them out"
+        f"torques include the description's damping (of {counted(joints['viscous'], 'joint')}), friction "
+        f"(of {joints['coulomb']}) and rotor inertia (of {joints['rotor_inertia']}); "
+        f"{suggestion('robot.friction', False)} leaves them out"
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from sidegan import validity
 from sidegan.base.names import counted
-from sidegan.base.settings_text import FILL_IN, suggestion
+from sidegan.base.settings_text import FILL_IN, setting_name, suggestion
 from sidegan.base.storage import file_digest
 from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.cell.thresholds import KEPT_SHARE, USUAL_CLEARANCES
@@ -28,7 +28,7 @@ from sidegan.validity.pairs import Links, usual_room
 
 Point = tuple[Number, Number, Number]
 
-_FIRST = ("plane", "box")  # kinds of regions that all stamps name
+_FIRST = ("plane", "box")  # kinds of regions that every stamp names, even if null
 _BESIDE = 1 / KEPT_SHARE - 1  # room to move beside a kept distance, as a share of it
 _STEPS = 1e3  # per metre; kept distances are whole steps
 
@@ -62,10 +62,17 @@ class Mesh:
             raise ConfigError(f"rpy is {list(self.rpy)} rad: are these degrees? In radians they are {stated}")
 
     @property
+    def path(self) -> Path:
+        """The file, with the user's home in place of ~."""
+        try:
+            return Path(self.file).expanduser()
+        except RuntimeError as error:
+            raise ConfigError(f"mesh file {self.file} cannot be read: {error}") from error
+
+    @property
     def shape(self) -> Convex:
         """The region."""
-        file = Path(self.file).expanduser()
-        points = (self.scale or metres_per_unit(file)) * read_mesh(file)
+        points = (self.scale or metres_per_unit(self.path)) * read_mesh(self.path)
         return Convex.around(points @ from_rpy(self.rpy).T + np.array(self.position))
 
 
@@ -97,11 +104,10 @@ class Region:
         """Plain values that identify the region; files are identified by their contents."""
         plain = {name: x for name, x in asdict(self).items() if x is not None or name in _FIRST}
         if self.mesh is not None:
-            file = self.mesh.file
             try:
-                plain["mesh"]["file"] = file_digest(Path(file).expanduser())
+                plain["mesh"]["file"] = file_digest(self.mesh.path)
             except OSError as error:
-                why = f"mesh file {file} cannot be read: {error.strerror}"
+                why = f"mesh file {self.mesh.file} cannot be read: {error.strerror}"
                 raise ConfigError(f"workspace.regions: {why}") from error
         return plain
 
@@ -129,6 +135,32 @@ class Workspace:
             floor = Plane((0.0, 0.0, 1.0), self.desk) if is_built_in(arm) else floor_under(arm)
             own = own if floor is None else [floor, *own]
         return [*(Region(plane=plane) for plane in own), *(self.regions or [])]
+
+    def _floor_note(self, arm: Arm, own: Sequence[Plane]) -> str:
+        """Note on an arm's floor, and the setting that changes it; ``own`` are the description's floors."""
+        without = f"{suggestion('workspace', 'free')} removes it"
+        if own:
+            highest = max(plane.offset for plane in own)
+            return f"floor at z = {highest:g} m, from the description; {without}"
+        floor = floor_under(arm)
+        if floor is None and stands(arm):
+            why = (
+                f"{arm.name} nearly always reaches below what it stands on, or another limb like it is lowest"
+            )
+            return f"no floor: {why}; {self._floor_setting(FILL_IN)} states its height"
+        if floor is None:
+            return f"no floor: {arm.name} does not stand upright; set keep-out regions by workspace.regions"
+        height = f"floor at z = {floor.offset:g} m"
+        if floor_is_known(arm):
+            return f"{height}, which {arm.name} stands on; {without}"
+        guess = f"a guess, since no visual or mesh shows what {arm.name} stands on"
+        stated = self._floor_setting(float(f"{floor.offset:g}"))
+        return f"{height}, {guess}: {stated} states its height; {without}"
+
+    def _floor_setting(self, height: float | str) -> str:
+        """The setting for a message that states a floor's height [m], with the regions given before."""
+        floor = {"plane": {"normal": [0, 0, 1], "offset": height}}
+        return suggestion("workspace.regions", [floor, *(self.regions or [])])
 
     @property
     def _states_floor(self) -> bool:
@@ -196,47 +228,30 @@ class Workspace:
         return stamp if self.clearance == 0 else stamp | {"clearance": self.clearance}
 
     def notes(self, arm: Arm) -> str:
-        """Notes on floor and planes that the user did not set; empty if there are none."""
+        """Notes on floor and planes that the user did not set, or in vain; empty if there are none."""
         if self.desk is None or is_built_in(arm):
             return ""
         own, behind = planes_of(arm)
-        notes = [] if self._states_floor else [_floor_note(arm, [p for p in own if _is_floor(p)])]
+        notes = (
+            []
+            if self._states_floor
+            else [self._floor_note(arm, [plane for plane in own if _is_floor(plane)])]
+        )
         if walls := [plane for plane in own if not _is_floor(plane)]:
             notes.append(f"kept out of: {counted(len(walls), 'plane')} of the description other than floors")
+        if self.desk != Workspace.desk and not self._states_floor:
+            unused = f"{setting_name('workspace.desk')} of {self.desk:g} m is for built-in arms only"
+            notes.append(f"{unused}: {self._floor_setting(self.desk)} states a floor there")
         if behind:
             notes.append(f"planes that {arm.name} is nearly always behind are ignored: {behind}")
         return "; ".join(notes)
 
 
 def _tight(room: Mapping[Links, float]) -> dict[Links, float]:
-    """What to keep [m] between links that have only so much room [m]."""
+    """Distances to keep between links [m], of the room that they have [m]."""
     return {links: math.floor(KEPT_SHARE * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
 
 
 def _is_floor(plane: Plane) -> bool:
     """Whether a plane faces up."""
     return plane.unit[2] > UPRIGHT
-
-
-def _floor_note(arm: Arm, own: Sequence[Plane]) -> str:
-    """Note on an arm's floor, and the setting that changes it; ``own`` are the description's floors."""
-    without = f"{suggestion('workspace', 'free')} removes it"
-    if own:
-        return f"floor at z = {max(plane.offset for plane in own):g} m, from the description; {without}"
-    floor = floor_under(arm)
-    if floor is None and stands(arm):
-        why = f"{arm.name} nearly always reaches below what it stands on, or another limb like it is lowest"
-        return f"no floor: {why}; {_floor_setting(FILL_IN)} states its height"
-    if floor is None:
-        return f"no floor: {arm.name} does not stand upright; set keep-out regions by workspace.regions"
-    height = f"floor at z = {floor.offset:g} m"
-    if floor_is_known(arm):
-        return f"{height}, which {arm.name} stands on; {without}"
-    guess = f"a guess, since no visual or mesh shows what {arm.name} stands on"
-    return f"{height}, {guess}: {_floor_setting(floor.offset)} states its height; {without}"
-
-
-def _floor_setting(height: float | str) -> str:
-    """The setting for a message that states a floor's height [m]."""
-    plane = {"normal": [0, 0, 1], "offset": height}
-    return suggestion("workspace.regions", [{"plane": plane}], "g")

@@ -5,10 +5,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, numbers
+from sidegan.errors import ConfigError, ShapeError
 from sidegan.robot.drives import Drives
 from sidegan.robot.setup import PLAIN, Mount, Setup
 
@@ -17,7 +20,7 @@ LOCKED = "locked "  # start of a note on locked joints
 NO_INERTIA = "no inertia: "  # start of a note on missing inertias
 
 FilePlane = tuple[float, float, float, float]  # unit normal, and the height along it [m]
-_FINEST = 2.0**40  # steps per unit: 1e-12 is above rounding errors and below significant figures
+_FINEST = 2.0**40  # steps per unit of rounded numbers: 1e-12, above errors and below significant figures
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +130,7 @@ class Arm(MotionLimits):
         return [note.removeprefix(NO_INERTIA) for note in self.notes if note.startswith(NO_INERTIA)]
 
     def unlike(self, robot: str, digest: str) -> str:
-        """Words for a message on another arm's name and digest, in place of this arm's."""
+        """End of a message on what was made for another arm, of this name and digest, not for this one."""
         return (
             f"{robot} (digest {digest[:12]}), not for {self.name} (digest {self.digest[:12]}), "
             "whose description, limits or share of them (effort) differ"
@@ -142,7 +145,12 @@ def with_effort(arm: Arm, effort: float) -> Arm:
     """The arm with its velocity and torque limits scaled by ``effort``, above 0 and up to 1.
 
     Limits on acceleration and jerk are not scaled: they are what a controller accepts, whatever the effort.
+
+    Raises:
+        ConfigError: when the effort is not a share in (0, 1], such as a percentage.
     """
+    if not (isinstance(effort, int | float) and 0 < effort <= 1):
+        raise ConfigError(f"effort is {effort!r}, expected a share above 0 and up to 1")
     if effort == 1:
         return arm
     speed, torque = effort * arm.velocity_limit, effort * arm.torque_limit
@@ -151,16 +159,30 @@ def with_effort(arm: Arm, effort: float) -> Arm:
     return replace(arm, digest=digest, velocity_limit=speed, torque_limit=torque)
 
 
-def length_of(arm: Mapping[str, Array]) -> float:
-    """Approximate reach of an arm from its first joint [m]; ``arm`` has arrays named as in `Arm`.
+def states_of(joints: int, *given: ArrayLike) -> list[Array]:
+    """Positions, velocities and accelerations as arrays, (S, J) each.
 
-    The median centre of mass stands for the last link if its tip is nearer.
+    Raises:
+        ShapeError: when they have other or different shapes.
     """
-    mass = np.maximum(arm["inertial_parameters"][:, 0], 1e-9)
-    centres = np.linalg.norm(arm["inertial_parameters"][:, 1:4], axis=1) / mass
-    slides = np.where(arm["prismatic"], arm["position_upper"] - arm["position_lower"], 0.0)
-    offsets = np.linalg.norm(arm["translation"][1:], axis=1).sum() + slides.sum()
-    return float(offsets + max(np.linalg.norm(arm["tip"]), np.median(centres)))
+    states = [numbers(x, "states") for x in given]
+    if {x.shape for x in states} != {(*states[0].shape[:1], joints)}:
+        shapes = ", ".join(str(x.shape) for x in states)
+        raise ShapeError(f"states are {shapes}, expected (S, {joints}), all three alike")
+    return states
+
+
+def length_of(fields: Mapping[str, Any]) -> float:
+    """Approximate reach of an arm from its first joint [m]; ``fields`` has arrays named as in `Arm`.
+
+    The last link counts up to its tip, or by the median distance of all links' centres of mass from their
+    joints, if that is larger.
+    """
+    mass = np.maximum(fields["inertial_parameters"][:, 0], 1e-9)
+    centres = np.linalg.norm(fields["inertial_parameters"][:, 1:4], axis=1) / mass
+    slides = np.where(fields["prismatic"], fields["position_upper"] - fields["position_lower"], 0.0)
+    offsets = np.linalg.norm(fields["translation"][1:], axis=1).sum() + slides.sum()
+    return float(offsets + max(np.linalg.norm(fields["tip"]), np.median(centres)))
 
 
 def rounded(numbers: Array) -> bytes:

@@ -12,8 +12,9 @@ from sidegan.robot.setup import Setup
 from sidegan.robot.tree import MOVABLE, REFUSED, Tree, UrdfJoint, similar_names
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
-_STILL = "its motion, the torque for it, and collisions elsewhere than where it stands are left out"
+_STILL = "motion, the torque for it, and collisions in other places are left out"
 _MOST_TIPS = 6  # suggested in a message
+_MOST_LOCKED = 12  # named in a note
 _ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
 
 
@@ -21,7 +22,7 @@ def choose_chain(tree: Tree, setup: Setup) -> tuple[tuple[UrdfJoint, ...], dict[
     """The arm's joints, from the base outwards, and the positions of all others [rad or m]."""
     given = setup.locked or {}
     for name, value in given.items():
-        _check_locked(tree, name, value)
+        _check_locked(tree, name, value, given)
     path = _path(tree, setup)
     for joint in path or tree.joints.values():
         if joint.kind in REFUSED and joint.name not in given:
@@ -31,9 +32,11 @@ def choose_chain(tree: Tree, setup: Setup) -> tuple[tuple[UrdfJoint, ...], dict[
             )
     moving = tuple(joint for joint in path if _moves(joint) and joint.name not in given)
     if not moving:
+        before = f" before {setup.tip!r} ({setting_name('robot.tip')})" if setup.tip else ""
         unlocked = " that are not locked" if given else ""
         raise RobotError(
-            f"{tree.where} has no movable joints{unlocked}, expected at least one revolute or prismatic"
+            f"{tree.where} has no movable joints{before}{unlocked}, "
+            "expected at least one revolute or prismatic"
         )
     return moving, _fixed_positions(tree, moving, given)
 
@@ -71,7 +74,7 @@ def _mimicked_beside(tree: Tree) -> set[str]:
 
 
 def _only(tree: Tree, paths: dict[str, list[UrdfJoint]]) -> list[UrdfJoint]:
-    """The path to the last joint; raises unless all others lie on it."""
+    """The longest of these paths, by their last joints; raises unless all the others are parts of it."""
     inner = {joint.name for path in paths.values() for joint in path[:-1]}
     ends = [name for name in paths if name not in inner]
     if len(ends) == 1:
@@ -149,7 +152,9 @@ def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str
     arm = {joint.name for joint in tree.path(moving[-1].child)}
     for what, loop in tree.loops.items():
         beside = {name: locked[name] for name in locked if name in loop - arm}
-        floats = any(tree.joints[name].kind == "floating" for name in beside)  # so that the loop is open
+        floats = any(
+            tree.joints[name].kind in ("floating", "ball") for name in beside
+        )  # so that the loop is open
         if loop & {*free} and not (floats or beside.keys() & given.keys()):
             wrong[what] = f"{tree.where}: {what} ties {listed([name for name in free if name in loop])}"
             remedies |= beside
@@ -158,11 +163,11 @@ def _fixed_positions(tree: Tree, moving: Sequence[UrdfJoint], given: Mapping[str
         remedy = locks if remedies else "delete it from the file if the arm does not have it"
         first, *rest = wrong.values()
         reasons = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in rest)])
-        raise RobotError(f"{reasons}, which is not modelled; {remedy}{''.join(ends[:1])}")
+        raise RobotError(f"{reasons}: this is not modelled; {remedy}{''.join(ends[:1])}")
     return locked
 
 
-def _check_locked(tree: Tree, name: str, value: float) -> None:
+def _check_locked(tree: Tree, name: str, value: float, given: Mapping[str, float]) -> None:
     """Raise unless a joint exists, can move, and has this position [rad or m] in its range."""
     joint = tree.joints.get(name)
     if joint is None:
@@ -176,7 +181,7 @@ def _check_locked(tree: Tree, name: str, value: float) -> None:
         nearest = min(max(value, lower), upper)
         raise RobotError(
             f"{joint.at} is locked at {value:g}, outside its range {lower:g} to {upper:g}; the "
-            f"nearest is {suggest_by_joint('locked', {name: nearest})}"
+            f"nearest is {suggest_by_joint('locked', {name: nearest}, given)}"
         )
 
 
@@ -189,11 +194,11 @@ def describe_fixed(
         notes.append(f"constraints left out, so that trajectories may break them: {listed([*tree.loops])}")
     if not locked:
         return notes
-    stand = []
+    standing = []
     free = {joint.name for joint in moving}
     for name, value in locked.items():
         joint = tree.joints[name]
-        stand.append(f"{name} at {f'{value:.4g} {joint.unit}' if joint.kind in MOVABLE else 'its origin'}")
+        standing.append(f"{name} at {f'{value:.4g} {joint.unit}' if joint.kind in MOVABLE else 'its origin'}")
         if joint.leader in free:
             notes.append(f"{name} mimics {joint.leader}, which moves: {_STILL}")
     lumped: dict[str, list[str]] = {}
@@ -209,4 +214,4 @@ def describe_fixed(
             if carrier
             else f"fixed to the base: {listed(links)}"
         )
-    return [LOCKED + listed(stand, 12), *notes]
+    return [LOCKED + listed(standing, _MOST_LOCKED), *notes]

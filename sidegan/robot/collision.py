@@ -18,8 +18,9 @@ from sidegan.robot.model import pinocchio_errors
 from sidegan.robot.shapes import Shape, is_mesh, link_shapes
 from sidegan.robot.thresholds import FALSE_COLLISIONS, LARGE_AT_LEAST, LARGE_BASE, LARGE_SHAPE, SMALL_MESH
 
-_MOST, _FEWEST, _QUESTIONS = 1_000, 200, 1_000_000  # configurations, and pairs of hulls over all of them
-_OUT = 1.5  # rounding radii by which corners are moved outwards
+_MOST, _FEWEST = 1_000, 200  # configurations
+_QUESTIONS = 1_000_000  # tests of pairs of hulls in all configurations together
+_OUT = 1.5  # rounding radii by which a hull's corners are moved outwards, in place of inflating it
 
 
 def collision_shapes(
@@ -92,9 +93,9 @@ def _refused_pairs(
     description: Description,
     shapes: Sequence[Shape],
 ) -> dict[tuple[str, str], float]:
-    """Links whose hulls refuse too many random configurations, the same on every call.
+    """Pairs of links whose hulls touch in many configurations that are free by their meshes, with the share.
 
-    Of each pair the share of free configurations that are refused. For a cache, ``known`` tells scenes apart.
+    Configurations are random, and the same on every call. A cache of results tells scenes apart by ``known``.
     """
     hulls = _hulls(shapes, model)
     links = _pair(hulls, model, description)

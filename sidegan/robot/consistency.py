@@ -3,16 +3,17 @@
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, numbers
 from sidegan.base.names import listed
 from sidegan.errors import RobotError, ShapeError
 from sidegan.robot import thresholds
 from sidegan.robot.arm import Arm, length_of
 
 _ROUNDING = 1e-9  # of the largest principal moment: flat plates meet the triangle inequality with equality
-# Radii of gyration along each axis of a default link, of a corrected thin link, and of one that is too thin,
-# as shares of the mean distance between joints.
+# Root of the second moment along each axis, as a share of the mean distance between joints: of a default
+# link, of a thin link when corrected, and the largest of a link that is too thin.
 _PLAIN, _THIN, _TOO_THIN = 1 / 6, 1 / 30, 1 / 300
 _DENSITY = 50.0  # [kg/m³] of a default link over the cube of that distance: water, a quarter as thick as long
 
@@ -53,7 +54,7 @@ def about_the_centre(parameters: Array) -> tuple[Array, Array]:
 
 
 def doubtful_links(arm: Arm) -> dict[str, str]:
-    """Links that are inconsistent, weigh next to nothing, or have mass or inertia far outside, and why."""
+    """Links that are inconsistent, too light, or have mass or inertia far outside their size, and why."""
     mass, place, located = _masses(arm)
     radius, size, usual = _gyration(arm), _sizes(arm), float(np.median(mass))
     shaped = np.isin(np.arange(arm.joints), arm.capsules.link)
@@ -107,8 +108,8 @@ def describe_doubtful_links(arm: Arm) -> str:
 def possible_links(arm: Arm) -> Array:
     """Physically consistent link parameters, (J, 10), nearest to the description's.
 
-    Too small second moments about the centre of mass are raised. A link whose mass or its place is unknown
-    becomes a default link half-way to the next joint, with the median mass of the others.
+    Too small second moments about the centre of mass are raised. A link whose mass or centre of mass cannot
+    be, or is a placeholder, becomes a default link half-way to the next joint, with the others' median mass.
     """
     links = arm.inertial_parameters.copy()
     length = _length(arm)
@@ -126,7 +127,7 @@ def _length(arm: Arm) -> float:
 
 
 def _masses(arm: Arm) -> tuple[Array, Array, Array]:
-    """Masses of the links [kg], their distances from the joints [m], and whether both are plausible, (J,)."""
+    """Masses of links [kg], distances of their centres from the joints [m], and whether both can be, (J,)."""
     links = arm.inertial_parameters
     mass = links[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):  # masses may be zero
@@ -157,7 +158,7 @@ def _sizes(arm: Arm) -> Array:
 
 
 def placeholder_links(arm: Arm) -> list[str]:
-    """Links with equal masses and inertias centred in their joints, if these are most: made-up values."""
+    """Links whose masses and inertias are made up: equal, and centred at their joints, in most links."""
     return [name for name, marked in zip(arm.link_names, _placeholders(arm).tolist()) if marked]
 
 
@@ -199,7 +200,7 @@ def _unit_link(centre: Array, spread: Array) -> Array:
     return FROM_PSEUDO_INERTIA @ whole.ravel()
 
 
-def inconsistent_links(arm: Arm, parameters: Array | None = None) -> list[tuple[str, str]]:
+def inconsistent_links(arm: Arm, parameters: ArrayLike | None = None) -> list[tuple[str, str]]:
     """Physically inconsistent links, each with the reason.
 
     A link includes everything fixed to it. ``parameters``, the arm's by default, are about the joints'
@@ -208,13 +209,13 @@ def inconsistent_links(arm: Arm, parameters: Array | None = None) -> list[tuple[
     Raises:
         ShapeError: when the parameters do not fit the arm.
     """
-    links = arm.inertial_parameters if parameters is None else parameters
+    links = arm.inertial_parameters if parameters is None else numbers(parameters, "parameters")
     if links.shape != (arm.joints, 10):
         raise ShapeError(f"inertial parameters are {links.shape}, expected ({arm.joints}, 10)")
     return [(name, reason) for name, link in zip(arm.link_names, links) if (reason := _reason(link))]
 
 
-def require_consistent(arm: Arm, parameters: Array | None = None) -> None:
+def require_consistent(arm: Arm, parameters: ArrayLike | None = None) -> None:
     """Raise unless every link is physically consistent; arguments as of ``inconsistent_links``.
 
     Raises:

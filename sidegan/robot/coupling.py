@@ -10,7 +10,8 @@ from sidegan.base.settings_text import suggestion
 from sidegan.base.typed import Number
 from sidegan.errors import ConfigError
 
-# {joint: {column: factor}}: columns, named like joints, whose sum a joint is; others are their own columns
+# {joint: {column: factor}}: a joint is the sum of factors times columns, which are named like joints. A joint
+# that is left out is the column of its own name.
 Rows = dict[str, dict[str, Number]]
 
 
@@ -18,7 +19,7 @@ def coupling_matrix(name: str, rows: Rows | None, joint_names: Sequence[str]) ->
     """The matrix C, (J, J), with which joints' values are C times those of the columns.
 
     Raises:
-        ConfigError: when the setting of this name has a joint that the arm lacks, or no inverse.
+        ConfigError: when the setting, of this name, has a joint that the arm lacks, or C has no inverse.
     """
     given = rows or {}
     named = dict.fromkeys([*given, *(column for row in given.values() for column in row)])
@@ -27,7 +28,7 @@ def coupling_matrix(name: str, rows: Rows | None, joint_names: Sequence[str]) ->
     matrix = np.array([[given.get(j, {j: 1.0}).get(k, 0.0) for k in joint_names] for j in joint_names])
     largest = np.abs(matrix).max(1, keepdims=True)
     if np.linalg.matrix_rank(matrix / np.where(largest > 0, largest, 1.0)) < len(matrix):
-        raise ConfigError(f"{name} has no inverse: several joints are made of too few columns")
+        raise ConfigError(f"{name} has no inverse: joints are made of too few independent columns")
     return matrix
 
 

@@ -31,11 +31,10 @@ _SAMPLE = 600  # triangles with which cuts are evaluated
 _CUTS = np.linspace(0.14, 0.86, 7)  # where an axis is cut, as a share of the extent along it
 _WORTH = 0.01  # least share of the total volume that each additional part must save
 _CAPSULES = 0.3  # weight of capsule volumes relative to hull volumes
-_HOLLOW, _LITTLE = 16, 0.0025  # the same limits for hollow meshes: most parts, least saving
-_MANY, _LEAST, _LEAST_EMPTY = 48, 0.0005, 0.0002  # the same where these are too few, by either measure
+_HOLLOW, _LITTLE = 16, 0.0025  # most parts and least saving of hollow meshes at level 1
+_MANY, _LEAST, _LEAST_EMPTY = 48, 0.0005, 0.0002  # the same at levels 2 and 3, with a saving for each
 _FINE = 3e-4  # [m] by which hulls are enlarged at most to save corners
 _FINER = 3e-5  # the same for hollow meshes: some links pass within a fraction of a millimetre
-
 _ALONG = 1e-9  # cosine below which a ray runs along a facet
 
 CutPlane = tuple[Points, float]  # a normal, (3,), and the height of the plane along it
@@ -75,9 +74,10 @@ def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[ConvexPa
 
     Args:
         meshes: corners of the triangles of each mesh [m], (N, 3, 3).
-        most: most parts of a single mesh, or of many meshes taken together; each further mesh adds one.
-        hollow: 1: cut hollow meshes further, where that reduces the volume of hulls; 2: into more parts;
-            3: into as many, where that reduces the empty space in front of the surface.
+        most: most parts of a single mesh, or of all if there are more than this many; otherwise each further
+            mesh adds one.
+        hollow: level at which hollow meshes are cut further: 1, where that reduces the volume of hulls; 2,
+            into more parts; 3, into as many, where that reduces the empty space in front of the surface.
     """
     groups = [*meshes] if len(meshes) <= most else [np.concatenate(meshes)]
     if hollow < 2:

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, numbers
 from sidegan.base.names import listed
 from sidegan.base.settings_text import setting_name
-from sidegan.errors import RobotError
+from sidegan.errors import RobotError, ShapeError
 from sidegan.robot import xml
 from sidegan.robot.arm import NO_INERTIA, FilePlane
 from sidegan.robot.chain import choose_chain, describe_fixed
@@ -87,8 +87,12 @@ def read_description(
     wrong = [why for _, why in read.values() if why] or _massless(tree, links, moved, masses)
     postures = _group_states(path, robot) if source.postures is None else source.postures
     own_home = _home_among(postures, [*moved])
-    around = own_home if home is None else home
-    middle = dict(zip(moved, around)) if around is not None and len(around) == len(moved) else {}
+    around = own_home
+    if home is not None:
+        around = tuple(numbers(home, "home").ravel().tolist())
+        if len(around) != len(moved) or not all(map(math.isfinite, around)):
+            raise ShapeError(f"home position {home} must be {len(moved)} finite joint positions")
+    middle = dict(zip(moved, around or ()))
     limits, assumed = limits_of(tree, moving, setup.limits, middle, planning)
     for pair in setup.may_touch or ():
         for link in pair:
@@ -98,8 +102,8 @@ def read_description(
     path_joints = tree.path(moving[-1].child)
     on_chain = {joint.parent for joint in path_joints} | {joint.child for joint in path_joints}
     for link, element in links.items():
-        # Surroundings, such as a fixed table, may have several shapes in one geometry, but no link of the arm
-        # and nothing that it carries.
+        # Surroundings, such as a fixed table, may have several shapes in one geometry, but neither the arm's
+        # links nor what the last one carries.
         if link not in on_chain and moving[-1] not in tree.path(link):
             _separate(element)
         if absent := _prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
@@ -110,7 +114,9 @@ def read_description(
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
     if source.gravity is not None and not any(source.gravity):
         how = setting_name("robot.mount")
-        notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed ({how})")
+        notes.append(
+            f"the file switches gravity off: {GRAVITY} m/s² is assumed; {how} says which way is down"
+        )
     shaped = {link for link, element in links.items() if element.find("collision") is not None}
     acting = {what: [joint for joint in moved if joint in on] for what, on in source.passive.items()}
     return Description(
@@ -243,7 +249,7 @@ def _group_states(urdf: Path, robot: str) -> dict[str, dict[str, float]]:
     for file in [file for folder in _FOLDERS for file in sorted((urdf.parent / folder).glob("*.srdf"))]:
         try:
             root = ET.parse(file).getroot()
-        except (ET.ParseError, OSError):
+        except (ET.ParseError, OSError, ValueError, LookupError):  # the last two of an encoding
             continue
         for state in root.findall("group_state") if root.get("name") == robot else ():
             for joint in state.findall("joint"):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, numbers
 from sidegan.errors import ShapeError
 
 _AT_REST = 9  # digits of a velocity: smaller ones are rounding, and have no sign
@@ -19,9 +19,16 @@ class Drives:
     rotor_inertia: Array  # reflected to the joint [kg·m² or kg], (J,)
 
     def __post_init__(self) -> None:
-        shapes = {x.shape for x in (self.viscous, self.coulomb, self.rotor_inertia)}
+        for name, given in [*vars(self).items()]:
+            object.__setattr__(self, name, numbers(given, name))  # since the class is frozen
+        shapes = {x.shape for x in vars(self).values()}
         if len(shapes) != 1 or self.viscous.ndim != 1:
             raise ShapeError(f"friction and rotors are {sorted(shapes)}, expected one number per joint each")
+
+    def require_joints(self, joints: int) -> None:
+        """Raise unless there is one finite number per joint each."""
+        if self.viscous.shape != (joints,) or not np.isfinite([*vars(self).values()]).all():
+            raise ShapeError(f"friction and rotors are {vars(self)}, expected {joints} finite numbers each")
 
     def smooth(self, dq: Array, ddq: Array) -> Array:
         """Torque of rotors and viscous friction [N·m or N] at velocities and accelerations, (…, J) each."""

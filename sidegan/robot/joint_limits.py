@@ -13,13 +13,13 @@ from sidegan.robot.setup import Limits
 from sidegan.robot.tree import Tree
 
 _KINDS = ("velocity", "acceleration", "jerk", "effort")
-_NESTED = 8  # most levels above joint_limits, as a node's parameters have them
+_NESTED = 8  # most levels of mappings down to joint_limits, such as those of a node's parameters
 
 
 def stated_limits(tree: Tree, given: Limits) -> tuple[dict[str, dict[str, Any]], list[str]]:
     """The user's limits by kind and joint, completed by those of their file, and notes on the file.
 
-    Joints that the description does not have are ignored; a file without a limit of another is refused.
+    Entries of joints that the description lacks are ignored; a file without a limit of the others is refused.
     """
     own = {kind: values or {} for kind, values in vars(given).items() if kind != "file"}
     if given.file is None:
@@ -35,10 +35,10 @@ def stated_limits(tree: Tree, given: Limits) -> tuple[dict[str, dict[str, Any]],
                     raise RobotError(f"{setting} gives {name} one end of a range, and the description none")
                 found.setdefault(kind, {})[name] = value
     if not found:
-        raise RobotError(
-            f"{setting} states no limit that applies to a joint of {tree.where}: it names "
-            f"{listed([*limits]) or 'no joint'}, expected some of {listed([*tree.joints])}"
-        )
+        named = f"it names {listed([*limits]) or 'no joint'}, expected some of {listed([*tree.joints])}"
+        known = listed([name for name in limits if name in tree.joints])
+        why = f"none is stated of {known}, or has_…_limits: false turns it off" if known else named
+        raise RobotError(f"{setting} states no limit that applies to a joint of {tree.where}: {why}")
     try:
         read = build(Limits, found)
     except ConfigError as error:
@@ -73,7 +73,7 @@ def _read(file: Path, setting: str) -> dict[str, Mapping[str, Any]]:
 
 
 def _within(content: Any, depth: int) -> Mapping[Any, Any] | None:
-    """The mapping ``joint_limits`` in nested ones, at most so deep; None if there is none."""
+    """The first mapping named joint_limits, at most ``depth`` levels deep; None if there is none."""
     if not isinstance(content, Mapping) or depth == 0:
         return None
     if isinstance(limits := content.get("joint_limits"), Mapping):

@@ -3,7 +3,7 @@
 import logging
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import product
 from typing import Any, TypeVar
@@ -12,7 +12,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.base.settings_text import FILL_IN, setting_name, suggest_by_joint, suggest_limits
+from sidegan.base.settings_text import FILL_IN, setting_name, suggest_limits
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
@@ -40,10 +40,13 @@ def limits_of(
 
     They are also written into the tree's XML, since Pinocchio requires them. Continuous joints may turn by
     half a turn from home [rad]. Missing or impossible limits are refused together, with the settings that
-    state them, and so are limits in other units; without planning, these become defaults or are converted.
+    state them, and so are limits in other units; without planning, the former get defaults, and the latter
+    are converted.
     """
-    stated, notes = stated_limits(tree, given.of_joints(joint.name for joint in moving))
+    given = given.of_joints(joint.name for joint in moving)
+    stated, notes = stated_limits(tree, given)
     _check_stated(tree, stated)
+    suggested = partial(_suggested, {kind: x for kind, x in vars(given).items() if x is not None})
     described = _Described(home)
     sources: dict[str, Callable[[UrdfJoint], Any]] = {
         "position": described.position,
@@ -55,7 +58,7 @@ def limits_of(
     for joint in moving:
         for kind, source in sources.items():
             found[kind][joint.name] = stated[kind].get(joint.name) or source(joint)
-    doubts = _in_other_units(moving, found, stated)
+    doubts, converted = _in_other_units(moving, found, stated)
     wider = list[str]()
     for joint in moving:
         lower, upper = found["position"][joint.name]
@@ -66,28 +69,28 @@ def limits_of(
     if described.useless:
         notes.append(f"soft limits that leave no range are ignored: {listed(described.useless)}")
     if described.narrowed:
-        whole = suggest_by_joint(
-            "limits.position", {name: span for name, (span, _) in described.narrowed.items()}
-        )
+        whole = suggested({"position": {name: span for name, (span, _) in described.narrowed.items()}})
         notes.append(
             "soft limits apply, since drivers enforce them (safety_controller): "
             f"{listed([words for _, words in described.narrowed.values()])}; for the full range: {whole}"
         )
     if described.missing and planning:
-        asked = {kind: {**stated[kind], **values} for kind, values in described.examples.items()}
         first, *others = described.missing
         missing = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
-        raise RobotError(f"{missing}; state the arm's limits, for example {suggest_limits(asked)}")
+        raise RobotError(f"{missing}; state the arm's limits, for example {suggested(described.examples)}")
     if assumed := _without_blanks(described.examples):
-        notes.append(f"limits missing from the description are assumed to be {suggest_limits(assumed)}")
-    if doubts and planning:
-        raise RobotError(f"{tree.where}: {doubts} if not, state the real ones in the same way")
+        notes.append(
+            f"limits that the description lacks, or cannot have, are assumed to be {suggest_limits(assumed)}"
+        )
     if doubts:
-        _log.warning("%s: %s so they are read", tree.where, doubts)
+        in_si = f"{' '.join(doubts)} In SI units they are then {suggested(converted)}"
+        if planning:
+            raise RobotError(f"{tree.where}: {in_si}; if not, state the real ones in the same way")
+        _log.warning("%s: %s; so they are read", tree.where, in_si)
     for kind in DERIVATIVE_ORDER:
         finite = [name for name, limit in found[kind].items() if math.isfinite(limit)]
         if names := [name for name in finite if name not in stated[kind]]:
-            other = suggest_by_joint(f"limits.{kind}", {names[0]: FILL_IN})
+            other = suggested({kind: {names[0]: FILL_IN}})
             notes.append(
                 f"{kind} limits of {listed(names)} come from the description; {other} overrides them"
             )
@@ -95,11 +98,16 @@ def limits_of(
         _log.warning(
             "%s has no torque limits, so torques are unchecked; set them by %s",
             tree.where,
-            suggest_by_joint("limits.effort", dict.fromkeys(found["effort"], FILL_IN)),
+            suggested({"effort": dict.fromkeys(found["effort"], FILL_IN)}),
         )
     if wider and planning:
         _log.warning("%s: limits are wider than the description's: %s", tree.where, "; ".join(wider))
-    return _arrays(found), notes + _assumed(found, moving, stated["position"])
+    return _arrays(found), notes + _assumed(found, moving, stated["position"], suggested)
+
+
+def _suggested(given: Mapping[str, Any], values: _ByKind) -> str:
+    """Limits by kind and joint for a message, with those that the user gave."""
+    return suggest_limits({kind: {**given.get(kind, {}), **x} for kind, x in values.items()}, given)
 
 
 def _arrays(found: _ByKind) -> dict[str, Array]:
@@ -117,7 +125,7 @@ def _arrays(found: _ByKind) -> dict[str, Array]:
 
 
 def _without_blanks(examples: _ByKind) -> _ByKind:
-    """Limits by kind and joint, but for those that only the user can fill in."""
+    """Limits by kind and joint, without those that only the user can fill in."""
     known = {
         kind: {name: x for name, x in values.items() if x != FILL_IN} for kind, values in examples.items()
     }
@@ -125,12 +133,12 @@ def _without_blanks(examples: _ByKind) -> _ByKind:
 
 
 def _check_stated(tree: Tree, stated: _ByKind) -> None:
-    """Raise unless the user's limits, by kind and joint, are of joints that exist, in ranges."""
+    """Raise unless the user's limits, by kind and joint, are of joints that exist, and ranges not empty."""
     for kind, values in stated.items():
         for name in values:
             if name not in tree.joints:
                 raise RobotError(
-                    f"{tree.where} has no joint {name!r} of {setting_name(f'robot.limits.{kind}')}"
+                    f"{tree.where} has no joint {name!r}, as in {setting_name(f'robot.limits.{kind}')}"
                     f"{similar_names(name, tree.joints)}"
                 )
     for name, (lower, upper) in stated["position"].items():
@@ -140,7 +148,7 @@ def _check_stated(tree: Tree, stated: _ByKind) -> None:
 
 
 class _Described:
-    """Limits of a description; for missing or impossible ones, the reasons and examples instead."""
+    """Limits of a description, or examples for missing and impossible ones, with reasons to refuse it."""
 
     def __init__(self, home: dict[str, float]) -> None:
         self.home = home
@@ -210,8 +218,10 @@ class _Described:
         return value
 
 
-def _in_other_units(moving: tuple[UrdfJoint, ...], found: _ByKind, stated: _ByKind) -> str:
-    """Questions on limits that no arm has, with settings that state them; converts the limits.
+def _in_other_units(
+    moving: tuple[UrdfJoint, ...], found: _ByKind, stated: _ByKind
+) -> tuple[list[str], _ByKind]:
+    """Questions on limits that no arm has, and these limits in SI units, to which they are converted.
 
     The description's and the user's are judged apart. If several limits of a kind, and at least half of them,
     must be in the other unit, all are taken to be; otherwise those above half of the largest that an arm has.
@@ -219,8 +229,7 @@ def _in_other_units(moving: tuple[UrdfJoint, ...], found: _ByKind, stated: _ByKi
     questions, right = list[str](), _ByKind()
     for kind, slides, users in product(LIMITS, (False, True), (False, True)):
         largest, other, factor = LIMITS[kind][slides]
-        given = stated[kind]
-        joints = [x for x in moving if x.slides == slides and (x.name in given) == users]
+        joints = [x for x in moving if x.slides == slides and (x.name in stated[kind]) == users]
         joints = [x for x in joints if _questionable(x, kind, users)]
         own = {x: np.atleast_1d(found[kind][x.name]).tolist() for x in joints}
         size = {x: max(map(abs, limits)) for x, limits in own.items()}
@@ -231,7 +240,7 @@ def _in_other_units(moving: tuple[UrdfJoint, ...], found: _ByKind, stated: _ByKi
         least = 0.0 if len(wrong) > 1 and 2 * len(wrong) >= len(own) else largest / 2
         if geared := kind == "velocity" and all(x.reduction > 1 for x in beyond):
             other = "the motors', of which mechanicalReduction makes the joints'"
-        values = right.setdefault(kind, dict(given))
+        values = right.setdefault(kind, {})
         for x in (x for x in joints if least < size[x] < math.inf):
             value = [limit / x.reduction if geared else factor * limit for limit in own[x]]
             found[kind][x.name] = likely = value if len(value) > 1 else value[0]
@@ -240,13 +249,14 @@ def _in_other_units(moving: tuple[UrdfJoint, ...], found: _ByKind, stated: _ByKi
             f"{kind} limits of {listed(wrong, 4)} (up to {max(size[x] for x in beyond):.4g}) are beyond any "
             f"arm's: are these {other}?"
         )
-    return f"{' '.join(questions)} In SI units they are then {suggest_limits(right)};" if questions else ""
+    return questions, right
 
 
 def _questionable(joint: UrdfJoint, kind: str, users: bool) -> bool:
     """Whether a joint's limit may be in another unit.
 
-    Any of the description's may be; of the user's only a range, whose description is clearly in radians.
+    Any of the description's may be; of the user's only a range of a joint that the description limits too,
+    and not in degrees: to at most a turn.
     """
     if kind != "position":
         return not users
@@ -269,14 +279,19 @@ def _wider(joint: UrdfJoint, limits: dict[str, float]) -> list[str]:
     return wider
 
 
-def _assumed(found: _ByKind, moving: tuple[UrdfJoint, ...], stated: dict[str, _Span]) -> list[str]:
+def _assumed(
+    found: _ByKind,
+    moving: tuple[UrdfJoint, ...],
+    stated: dict[str, _Span],
+    suggested: Callable[[_ByKind], str],
+) -> list[str]:
     """Notes on assumed ranges and unlimited torques."""
     notes = []
     endless = [joint.name for joint in moving if joint.kind == "continuous" and joint.name not in stated]
     if endless:
         spans = {name: found["position"][name] for name in endless}
         wider = {name: [low - math.pi, up + math.pi] for name, (low, up) in spans.items()}
-        remedy = suggest_by_joint("limits.position", wider)
+        remedy = suggested({"position": wider})
         ranges = listed([f"{name} {low:.4g} to {up:.4g}" for name, (low, up) in spans.items()])
         notes.append(f"continuous joints may turn half a turn from home: {ranges} rad (for more: {remedy})")
     free = [name for name, effort in found["effort"].items() if not math.isfinite(effort)]

@@ -7,11 +7,14 @@ from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sidegan.base.names import listed
 from sidegan.base.settings_text import suggest_touching, suggestion
+from sidegan.base.storage import path_of
+from sidegan.base.typed import settings_of
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of, length_of
 from sidegan.robot.collision import collision_shapes
@@ -31,23 +34,27 @@ def built_in_robots() -> list[str]:
 
 
 def is_built_in(arm: Arm) -> bool:
-    """Whether an arm is a built-in one, mounted upright."""
+    """Whether an arm is a built-in one, and not mounted otherwise, not even turned about the vertical."""
     return arm.urdf.parent == _MODELS and not any(arm.mount)
 
 
 def load_robot(
-    name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[float] | None = None, planning: bool = True
+    name_or_path: str | Path,
+    setup: Setup | Mapping[str, Any] = PLAIN,
+    home: Sequence[float] | None = None,
+    planning: bool = True,
 ) -> Arm:
     """An arm (J joints, float64, SI units) from a built-in name or a description.
 
-    Links behind fixed or locked joints become part of the link that carries them. The tip is the frame of
-    the link that the setup names, or of the link farthest from the last joint among those it carries.
+    Links behind fixed or locked joints become part of the link that carries them. The tip is the origin of
+    the link that the setup names, or, if that is the last joint's own, of the link farthest from that joint.
     Collision shapes become capsules that enclose them. Missing mesh files are left out, with a warning.
 
     Args:
         name_or_path: a built-in name ("kuka_lwr4", "planar2"), a name from robot_descriptions if that is
             installed, or the path of a URDF, xacro or MJCF file.
-        setup: which part of the description is the arm, and limits that override the description's.
+        setup: which part of the description is the arm, and limits that override the description's: a
+            ``Setup``, or its fields.
         home: home position [rad or m], (J,), around which continuous joints may turn by half a turn; None:
             that of the description, or zeros.
         planning: whether motions are to be planned. Otherwise meshes are left out, and missing limits on
@@ -56,7 +63,11 @@ def load_robot(
     Raises:
         RobotError: when there is no such robot, the file is not a description, or the arm is not a serial
             chain of revolute and prismatic joints with limits on position and velocity.
+        ConfigError: when a setting is unknown or out of range; names it.
+        ShapeError: when home is not one finite position per joint.
     """
+    path_of(name_or_path, "robot")
+    setup = settings_of(Setup, setup)
     path, args = _find(name_or_path)
     if args:
         setup = replace(setup, args={**args, **(setup.args or {})})
@@ -129,7 +140,7 @@ def _find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
         if path.is_file():
             return path.resolve(), {}
         if path.is_dir():
-            raise RobotError(f"{path} is a folder, expected a URDF file")
+            raise RobotError(f"{path} is a folder, expected a URDF, xacro or MJCF file")
     except (OSError, RuntimeError) as error:  # a forbidden folder, an unknown ~user
         raise RobotError(f"cannot look for {name_or_path}: {error}") from error
     if isinstance(name_or_path, str) and not path.suffix and path.name == name_or_path:
@@ -138,9 +149,9 @@ def _find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
         more = "" if find_spec("robot_descriptions") else "; pip install 'sidegan[named]' adds many more"
         names = ", ".join(built_in_robots())
         raise RobotError(
-            f"there is no robot named {name_or_path!r}, expected {names} or the path of a URDF file{more}"
+            f"there is no robot named {name_or_path!r}, expected {names} or the path of a description{more}"
         )
-    raise RobotError(f"there is no URDF file {path}")
+    raise RobotError(f"there is no file {path}")
 
 
 def _by_name(name: str) -> tuple[Path, dict[str, str]] | None:

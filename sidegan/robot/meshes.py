@@ -14,6 +14,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.cache import user_cache
 from sidegan.base.storage import write_bytes
 from sidegan.errors import ConfigError, RobotError
+from sidegan.robot.xml import number_or_zero
 
 _FEWEST = 4  # faces of a body
 _DEEPEST = 3  # levels below an entry of ROS_PACKAGE_PATH that are searched for packages
@@ -62,12 +63,10 @@ def metres_per_unit(file: Path) -> float:
                     stated = element.get("meter", "1")
                 if kind in ("unit", "asset"):  # geometry follows
                     break
-        if not 0 < (size := float(stated)) < float("inf"):
-            raise ValueError
-    except (ET.ParseError, OSError):
+    except (ET.ParseError, OSError, ValueError, LookupError):  # the last two of an encoding
         return 1.0  # reading its shape will report the error
-    except ValueError:
-        raise RobotError(f"mesh file {file} has the unit {stated!r}, expected a number of metres") from None
+    if (size := number_or_zero(stated)) <= 0:
+        raise RobotError(f"mesh file {file} has the unit {stated!r}, expected a number of metres")
     return size
 
 

@@ -14,12 +14,13 @@ from sidegan.robot.meshes import kept_mesh
 from sidegan.robot.mjcf_files import compile_mjcf
 from sidegan.robot.mjcf_forces import Forces, efforts
 from sidegan.robot.placement import write_placement
+from sidegan.robot.tree import MOVABLE
 from sidegan.robot.write_mjcf import mujoco_logged
 from sidegan.robot.xml import Source, words
 
 _KINDS = {
     mujoco.mjtJoint.mjJNT_FREE: "floating",
-    mujoco.mjtJoint.mjJNT_BALL: "floating",
+    mujoco.mjtJoint.mjJNT_BALL: "ball",
     mujoco.mjtJoint.mjJNT_SLIDE: "prismatic",
     mujoco.mjtJoint.mjJNT_HINGE: "revolute",
 }
@@ -96,7 +97,7 @@ def _postures(spec: mujoco.MjSpec, model: mujoco.MjModel) -> dict[str, dict[str,
 
 def _movable(spec: mujoco.MjSpec) -> list[mujoco.MjsJoint]:
     """Revolute and prismatic joints."""
-    return [joint for joint in spec.joints if _KINDS[joint.type] != "floating"]
+    return [joint for joint in spec.joints if _KINDS[joint.type] in MOVABLE]
 
 
 def _planes(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[FilePlane, ...]:
@@ -142,7 +143,7 @@ def _write_joints(root: ET.Element, model: mujoco.MjModel, body: mujoco.MjsBody)
             before.linear = -joint.qpos0 * joint.axis
         elif kind == "revolute":
             before.angular = -joint.qpos0 * joint.axis
-        if kind != "floating":
+        if kind in MOVABLE:
             anchor.translation = joint.pos
         direct = count == len(body.joints) and anchor.isIdentity(0.0)
         child = body.name if direct else f"{body.name}/{spec.name}"
@@ -172,7 +173,7 @@ def _write_limits(root: ET.Element, spec: mujoco.MjSpec, model: mujoco.MjModel, 
         ET.SubElement(element, "axis", xyz=words(joint.axis))
         stated = {"damping": joint.damping, "friction": joint.frictionloss, "armature": joint.armature}
         ET.SubElement(element, "dynamics", {what: words(x[:1]) for what, x in stated.items()})
-        limit = ET.SubElement(element, "limit", velocity="0", effort=repr(available.get(name, 0.0)))
+        limit = ET.SubElement(element, "limit", effort=repr(available.get(name, 0.0)))
         for motor, joints in forces.motors.items():
             if name in joints:
                 limit.set("not_read", motor)

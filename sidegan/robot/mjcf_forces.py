@@ -18,9 +18,9 @@ class Forces:
     """What acts on which joints, by MuJoCo's moment arms and forces at a random posture.
 
     Attributes:
-        tendons: names of the joints that each tendon moves, by its name.
-        motors: of those that motors of limited force move that are not on a joint, by these in words.
-        passive: of those on which other forces act that are not read, by these in words.
+        tendons: names of the joints that each tendon moves, by the tendon's name.
+        motors: the same for motors of limited force that are not on a joint, by words on the motor.
+        passive: the same for other forces, which are not read, by words on the force.
     """
 
     def __init__(self, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from sidegan.base.arrays import Array
+from sidegan.base.names import counted
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
 
@@ -45,7 +46,7 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
 
 
 def _tip(model: pin.Model, link: str | None) -> Array:
-    """Origin of the named link, or of the one furthest from the last joint that carries it [m], (3,)."""
+    """Origin of the named link [m], (3,), in the last joint's frame; if that is zero, of the farthest one."""
     last = model.njoints - 1
     carried = [f for f in model.frames if f.parentJoint == last and f.type == pin.FrameType.BODY]
     named = [f.placement.translation for f in carried if f.name == link and f.placement.translation.any()]
@@ -70,7 +71,7 @@ def pinocchio_errors(description: Description) -> Iterator[None]:
             os.close(terminal)
         if complaint := _read(output):  # often the same for every joint
             first, *more = complaint.splitlines()
-            others = f" (and {len(more)} more lines)" if more else ""
+            others = f" (and {counted(len(more), 'more line')})" if more else ""
             _log.warning("%s: %s%s", description.path, first, others)
 
 

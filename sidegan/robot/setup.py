@@ -11,7 +11,7 @@ Mount = tuple[Number, Number, Number]
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits by joint name, or one number for all joints, that override the description's if not null."""
+    """Limits by joint name, or one number for all joints; they override the description's unless null."""
 
     position: dict[str, tuple[Number, Number]] | Positive | None = None  # lower and upper, or ± [rad or m]
     velocity: dict[str, Positive] | Positive | None = None  # [rad/s or m/s]

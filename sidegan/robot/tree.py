@@ -20,6 +20,7 @@ _TIES = "loop_joint", "joint", "ball_constraint", "linear_bushing_rpy"
 REFUSED = {  # joint types that an arm cannot have, and why
     "floating": "the arm's base must be fixed",
     "planar": "a joint must have one degree of freedom",
+    "ball": "a joint must have one degree of freedom",  # only from an MJCF
 }
 
 
@@ -136,8 +137,10 @@ class Tree:
 
 
 def similar_names(name: str, known: Iterable[str], setting: str = "") -> str:
-    """Known names similar to an unknown one for a message, or the settings of this name that have them."""
+    """End of a message: known names similar to an unknown one, or settings of this name that have them."""
     names = list(known)
+    if not names:
+        return ""
     close = difflib.get_close_matches(name, names, 3, 0.5) or names[-3:]
     return ", expected for example " + " or ".join(
         suggestion(setting, match) if setting else match for match in close
@@ -169,6 +172,10 @@ def read_tree(root: ET.Element, where: str) -> Tree:
     bases = [link for link in names["link"] if link not in children]
     if not names["link"]:
         raise RobotError(f"{where} has no link, expected those of an arm")
+    if not bases:
+        raise RobotError(
+            f"{where}: joints form a loop, since every link is the child of one; expected a base"
+        )
     if len(bases) != 1:
         raise RobotError(f"{where} has {len(bases)} links without a parent {bases}, expected only the base")
     extras = [element for element in root if element.tag not in ("link", "joint")]

@@ -3,6 +3,7 @@
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -30,7 +31,9 @@ def refuse_angles(root: ET.Element, where: str) -> None:
     for element in [*root.findall("joint"), *root.findall("link")]:
         inner = [element, *element.findall("inertial"), *element.findall("collision")]
         for origin in [x for part in inner for x in part.findall("origin")]:
-            rpy = xml.vector(origin, "rpy", where, "0 0 0")
+            rpy: tuple[float, ...] = (0.0,)
+            with suppress(RobotError):  # which whatever reads the element reports
+                rpy = xml.vector(origin, "rpy", where, "0 0 0")
             if meant := meant_in_degrees(rpy):
                 radians = " ".join(f"{x:.6g}" for x in meant)
                 at = f'{element.tag} {element.get("name", "")!r} has rpy="{origin.get("rpy")}"'

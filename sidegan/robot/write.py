@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array
-from sidegan.base.storage import replacing
+from sidegan.base.arrays import Array, numbers
+from sidegan.base.storage import path_of, replacing
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.arm import Arm
+from sidegan.robot.arm import Arm, states_of
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
@@ -24,27 +25,30 @@ from sidegan.robot.xml import words
 _TOLERANCE = 1e-12  # of the largest parameter, for errors of writing and reading
 
 
-def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = None) -> None:
+def write_urdf(arm: Arm, parameters: ArrayLike, path: str | Path, drives: Drives | None = None) -> None:
     """Write the arm's URDF with these inertial parameters and otherwise unchanged.
 
-    Limits that URDF requires but the source lacks are the arm's. Capsules of an MJCF, which URDF does not
-    have, become cylinders with a ball at each end.
+    Where the source lacks limits that URDF requires, or has impossible ones, the arm's are written. Capsules
+    of an MJCF, which URDF does not have, become cylinders with a ball at each end.
 
     Each joint's parameters go to the link that it moves; links fixed to that one lose their inertia, which
     is included. The file is written atomically, after a check that it reads back to the same parameters.
 
     Args:
-        arm: the arm, read from a URDF.
+        arm: the arm, whose description is the start, of any format.
         parameters: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joints' frames, (J, 10).
         path: where to write; in the source's folder, if mesh paths are relative.
         drives: friction for the joints' `<dynamics>`, unchanged if None; URDF has no rotor inertia.
 
     Raises:
         RobotError: when a link would not be physically consistent, or the source is no longer the arm's.
-        ShapeError: when the parameters are not (J, 10).
+        ShapeError: when the parameters are not (J, 10), or friction is not of J joints.
         StorageError: when the file cannot be written.
     """
+    path, parameters = path_of(path, "path"), numbers(parameters, "parameters")
     require_consistent(arm, parameters)
+    if drives is not None:
+        drives.require_joints(arm.joints)
     if not arm.urdf.is_file():
         raise RobotError(f"{arm.name} has no description to start from: there is no file {arm.urdf}")
     source = read_source(arm.urdf, arm.setup.args)
@@ -53,9 +57,9 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
     root = parsed(source.text, comments=True)
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     for k, name in enumerate(arm.joint_names):
-        _complete(joints[name], arm, k)
+        _complete_limits(joints[name], arm, k)
     if source.gravity is not None:  # an MJCF
-        _round(root)
+        _replace_capsules(root)
     for link in root.findall("link"):
         name = link.get("name", "")
         if carriers[name] is not None:
@@ -70,17 +74,21 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
         _check(arm, parameters, draft)
 
 
-def torque_of_urdf(path: Path, arm: Arm, q: Array, dq: Array, ddq: Array) -> Array:
+def torque_of_urdf(path: str | Path, arm: Arm, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
     """Pinocchio's torque [N·m or N], (S, J), of an arm's URDF at states (S, J), with damping and friction.
 
     Friction changes its sign with the velocity at once, as the format means it.
+
+    Raises:
+        ShapeError: when the states are not (S, J), all three alike.
     """
+    states = states_of(arm.joints, q, dq, ddq)
     setup = replace(arm.setup, args=None, mount=arm.mount, friction=True)
-    model = pinocchio_model(description := read_description(path, setup, planning=False))
+    model = pinocchio_model(description := read_description(Path(path), setup, planning=False))
     model.gravity.linear = arm.gravity  # which no URDF states
     data = model.createData()
-    rigid = np.array([pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq)])
-    return rigid + (description.drives or Drives.none(arm.joints)).torque(dq, ddq)
+    rigid = np.array([pin.rnea(model, data, *state).copy() for state in zip(*states)]).reshape(-1, arm.joints)
+    return rigid + (description.drives or Drives.none(arm.joints)).torque(*states[1:])
 
 
 def _carriers(arm: Arm, root: ET.Element) -> dict[str, str | None]:
@@ -105,21 +113,24 @@ def _put(owner: ET.Element, tag: str, element: ET.Element | None) -> None:
         owner.insert(index, element)
 
 
-def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
-    """Add missing limits to the arm's k-th joint."""
+def _complete_limits(joint: ET.Element, arm: Arm, k: int) -> None:
+    """Write the arm's limits where its k-th joint has none or impossible ones."""
     limit = joint.find("limit")
     if limit is None:
-        limit = ET.SubElement(joint, "limit", effort="0")
-    if joint.get("type") != "continuous" and not {"lower", "upper"} & set(limit.attrib):
+        limit = ET.SubElement(joint, "limit")
+    lower, upper = (xml.number_or_zero(limit.get(end)) for end in ("lower", "upper"))
+    if joint.get("type") != "continuous" and not lower < upper:
         limit.set("lower", repr(float(arm.position_lower[k])))
         limit.set("upper", repr(float(arm.position_upper[k])))
-    if not xml.number_or_zero(limit.get("velocity")):
+    if not xml.number_or_zero(limit.get("velocity")) > 0:
         limit.set("velocity", repr(float(arm.velocity_limit[k])))
-    if limit.attrib.pop("not_read", None) and np.isfinite(arm.torque_limit[k]):  # of an MJCF's motor
+    unread = limit.attrib.pop("not_read", None)  # of an MJCF's motor
+    if (unread or "effort" not in limit.attrib) and np.isfinite(arm.torque_limit[k]):
         limit.set("effort", repr(float(arm.torque_limit[k])))
+    limit.attrib.setdefault("effort", "0")
 
 
-def _round(root: ET.Element) -> None:
+def _replace_capsules(root: ET.Element) -> None:
     """Replace capsules, which URDF does not have, by cylinders with a ball at each end."""
     for link in root.findall("link"):
         for shape in [child for child in link if child.find("geometry/capsule") is not None]:

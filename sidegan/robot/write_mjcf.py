@@ -12,11 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array
-from sidegan.base.storage import write_bytes
+from sidegan.base.arrays import Array, numbers
+from sidegan.base.storage import path_of, write_bytes
 from sidegan.errors import RobotError
-from sidegan.robot.arm import Arm
+from sidegan.robot.arm import Arm, states_of
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.drives import Drives
 from sidegan.robot.fitting import corners, hull_of, inflated
@@ -27,7 +28,7 @@ _STEP = 1e-3  # [s] time step of a written model
 _STIFFEST = 2.0  # steps; shortest time constant with which MuJoCo can solve friction
 
 
-def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
+def write_mjcf(arm: Arm, parameters: ArrayLike, path: str | Path, drives: Drives) -> None:
     """Write an arm with these inertial parameters, friction and rotors as MJCF, for MuJoCo and Pinocchio.
 
     Shapes are the links' convex pieces, with exclusions of neighbours and of pairs that may touch; contacts
@@ -37,22 +38,26 @@ def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
         arm: the arm: its chain, limits and gravity.
         parameters: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joints' frames, (J, 10).
         path: where to write.
-        drives: ``damping``, ``frictionloss`` and ``armature`` of the joints.
+        drives: ``damping``, ``frictionloss`` and ``armature`` of the joints; negative ones become 0.
 
     Raises:
         RobotError: when a link would not be physically consistent, or MuJoCo does not load the file.
+        ShapeError: when the parameters are not (J, 10), or friction is not of J joints.
         StorageError: when the file cannot be written.
     """
     import mujoco
 
+    path, parameters = path_of(path, "path"), numbers(parameters, "parameters")
     require_consistent(arm, parameters)
-    root = chain(arm, parameters, drives, _STEP, (arm.link_names, arm.joint_names))
+    drives.require_joints(arm.joints)
+    possible = Drives(*(np.maximum(x, 0.0) for x in vars(drives).values()))  # no reader takes less
+    root = chain(arm, parameters, possible, _STEP, (arm.link_names, arm.joint_names))
     limits = zip(arm.position_lower, arm.position_upper, arm.torque_limit)
     for joint, (lower, upper, effort) in zip(root.iter("joint"), limits):
         joint.set("range", words([lower, upper]))
         if np.isfinite(effort):
             joint.set("actuatorfrcrange", words([-effort, effort]))
-    _draw(arm, root)
+    _add_shapes(arm, root)
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     try:
@@ -63,16 +68,25 @@ def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
     write_bytes(path, (text + "\n").encode("utf-8"))
 
 
-def torque_of_mjcf(path: Path, q: Array, dq: Array, ddq: Array) -> Array:
-    """MuJoCo's torque [N·m or N], (S, J), of an MJCF at states (S, J), even beyond its joints' ranges."""
+def torque_of_mjcf(path: str | Path, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+    """MuJoCo's torque [N·m or N], (S, J), of an MJCF at states (S, J), even beyond its joints' ranges.
+
+    Raises:
+        RobotError: when MuJoCo does not load the file.
+        ShapeError: when the states are not (S, J), all three alike.
+    """
     import mujoco
 
-    with mujoco_logged(path.name):
-        model = mujoco.MjModel.from_xml_path(str(path))
+    with mujoco_logged(Path(path).name):
+        try:
+            model = mujoco.MjModel.from_xml_path(str(path))
+        except ValueError as error:
+            raise RobotError(f"MuJoCo refuses {path}: {error}") from error
+        states = states_of(model.nv, q, dq, ddq)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
         data = mujoco.MjData(model)
-        torque = np.empty_like(q)
-        for k, (data.qpos[:], data.qvel[:], data.qacc[:]) in enumerate(zip(q, dq, ddq)):
+        torque = np.empty_like(states[0])
+        for k, (data.qpos[:], data.qvel[:], data.qacc[:]) in enumerate(zip(*states)):
             mujoco.mj_inverse(model, data)
             torque[k] = data.qfrc_inverse
     return torque
@@ -118,7 +132,7 @@ def chain(
     return root
 
 
-def _draw(arm: Arm, root: ET.Element) -> None:
+def _add_shapes(arm: Arm, root: ET.Element) -> None:
     """Add shapes to the bodies of links and of what is fixed to them."""
     world = child(root, "worldbody", "")
     assets = ET.Element("asset")
@@ -136,7 +150,7 @@ def _draw(arm: Arm, root: ET.Element) -> None:
         root.insert(1, assets)
     contact = ET.Element("contact")
     links = dict(zip(arm.capsules.owners, arm.capsules.link.tolist()))
-    # Shapes around an offset anchor have a body of their own, which hides whose neighbours they are.
+    # Shapes around an offset anchor are in a body of their own, so that MuJoCo does not see their neighbours.
     beside = [pair for pair in arm.parents or () if abs(links.get(pair[0], -1) - links.get(pair[1], -1)) == 1]
     pairs = {tuple(sorted(pair)) for pair in (*beside, *(pair for *pair, _ in arm.may_touch))}
     for a, b in sorted(pairs):

@@ -187,7 +187,7 @@ def test_home_is_read_from_an_srdf(excited, caplog, kind, names, value, home):
     assert context.cell.home == (home or (0,) * len(HOME))
     with caplog.at_level(logging.INFO):
         context.log_decisions()
-    decided = f"home is the rest position of the description: {value:g}, 0.6"
+    decided = f"home is that of the description: {value:g}, 0.6"
     assert (decided in caplog.text) == (home is not None)
     assert excited(text, arm_srdf=postures("home").replace("rods", "other")).cell.home == (0,) * len(HOME)
 

@@ -1,14 +1,17 @@
 """What surrounds an arm: every kind of region, and the floor under arms of strangers."""
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sidegan.errors import ConfigError
 from sidegan.robot import Setup, load_robot
 from sidegan.robot.load import _MODELS
 from sidegan.validity import Convex, Plane, Sphere
+from tests.refusals import refused
 from tests.tiny import tiny
 
 DESK = {"plane": {"normal": (0.0, 0.0, 1.0), "offset": 0.1}, "box": None}
@@ -51,6 +54,14 @@ def test_regions_of_all_kinds(tmp_path, planar):
     np.testing.assert_allclose(wedge.points.max(0), [0.1, 0.1, 2.1], atol=1e-9)
 
 
+@pytest.mark.parametrize("encoding", ["utf-32", "klingon"])
+def test_a_mesh_in_an_unknown_encoding_is_not_said_to_have_a_wrong_unit(tmp_path, planar, encoding):
+    file = tmp_path / "wedge.dae"
+    file.write_text(f'<?xml version="1.0" encoding="{encoding}"?><COLLADA/>')
+    with refused(ConfigError, "wedge.dae", "cannot be read"):
+        workspace(f"{{mesh: {{file: {file}}}}}").shapes(planar)
+
+
 def test_a_mesh_is_stamped_by_its_content(tmp_path, planar):
     texts = [tetrahedron(tmp_path / f"{name}.obj", scale) for name, scale in zip("abc", (1.0, 1.0, 2.0))]
     first, same, other = (workspace(text).stamped(planar) for text in texts)
@@ -69,6 +80,20 @@ def test_a_user_arm_gets_the_floor_that_it_stands_on(context, stranger, caplog):
         made.log_decisions()
     assert "floor at z = -0.3 m, which planar2 stands on; workspace=free removes it" in caplog.text
     assert context("workspace=free", f"robot.name={stranger}").cell.constraints.regions == ()
+
+
+def test_a_suggested_floor_keeps_the_regions_given(tmp_path):
+    (tmp_path / "mine.urdf").write_text(PLANAR)
+    note = workspace(BALL, choice="desk").notes(load_robot(tmp_path / "mine.urdf"))
+    assert "offset: 0.4}}, {sphere: {centre: [2, 0, 0], radius: 0.1}}]" in note
+
+
+def test_a_height_of_the_desk_that_does_not_count_is_told(stranger, planar):
+    place = replace(workspace(choice="desk"), desk=-0.5)
+    assert "workspace.desk of -0.5 m is for" in place.notes(load_robot(stranger))
+    assert place.notes(planar) == "" and "workspace.desk" not in workspace(choice="desk").notes(
+        load_robot(stranger)
+    )
 
 
 def test_obstacles_keep_the_default_floor_and_a_given_floor_replaces_it(stranger, planar):

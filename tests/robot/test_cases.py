@@ -345,6 +345,13 @@ def test_angles_in_degrees_are_refused_where_they_count(load, part):
         load(turned)
 
 
+def test_unreadable_angles_of_a_link_are_reported_with_its_name(load):
+    with refused(RobotError, "'link1'", "rpy='0 0'"):
+        load(arm_of({1: inertial() + rod('xyz="0 0 0.15" rpy="0 0"')}))
+    arm = load(arm_of({1: inertial().replace("/><mass", ' rpy="nan 0 0"/><mass') + rod()}))
+    assert "'link1'" in arm.massless[0] and "rpy='nan 0 0'" in arm.massless[0]
+
+
 def test_mujoco_warnings_are_logged_and_lost_visuals_give_one_message(load, tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
     model = mujoco_model(load_robot("planar2"), IDEAL)

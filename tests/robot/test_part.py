@@ -161,11 +161,24 @@ class TestLimits:
 
     def test_all_missing_limits_are_asked_for_at_once(self, load):
         text = two_joints(limit='<limit lower="1" upper="-1"/>').replace('velocity="2.5"', 'velocity="0"')
-        asked = "{'velocity': {'first': 1, 'second': 1}, 'position': {'second': [-1, 1]}}"
+        asked = (
+            "{'effort': {'first': 3}, 'velocity': {'first': 1, 'second': 1}, 'position': {'second': [-1, 1]}}"
+        )
         with refused(RobotError, f"limits={asked}"):
             load(text, Setup(limits=Limits(effort={"first": 3.0})))
         limits = Limits(velocity={"first": 1.0, "second": 1.0}, position={"second": (-1.0, 1.0)})
         assert load(text, Setup(limits=limits)).velocity_limit.tolist() == [1, 1]
+
+    def test_suggestions_keep_what_the_user_gave_beside(self, load, tmp_path):
+        endless = two_joints(kind="continuous", limit=ENDLESS)
+        (note,) = load(endless, Setup(limits=Limits(position={"first": (-1.0, 1.0)}, effort=3.0))).notes
+        assert "'position': {'first': [-1, 1], 'second': [-6.28319, 6.28319]}, 'effort': {'first': 3" in note
+        with refused(RobotError, "locked={'first': 0.5, 'second': 2}"):
+            load(two_joints(), Setup(locked={"first": 0.5, "second": 9.0}))
+        file = tmp_path / "limits.yaml"
+        file.write_text("joint_limits: {first: {max_acceleration: 3.0}}")
+        with refused(RobotError, f"limits={{'file': '{file}', 'velocity': {{'second': 1}}}}"):
+            load(two_joints(limit='<limit lower="-1" upper="1"/>'), Setup(limits=Limits(file=str(file))))
 
     def test_the_user_overrides_the_description(self, load, caplog):
         """And is warned, once, where the description's limits are narrower."""

@@ -240,6 +240,20 @@ def test_a_single_number_sets_the_limit_of_every_joint(load):
     assert again.robot.limits == given
 
 
+def test_settings_may_be_the_fields_of_a_setup_and_numbers_numpys(load, tmp_path):
+    load(arm_of())
+    fields = {"locked": {"joint3": np.float64(0.5)}, "limits": {"velocity": np.int64(1)}}
+    arm = load_robot(tmp_path / "robot.urdf", fields)
+    assert arm.setup == load_robot(tmp_path / "robot.urdf", arm.setup).setup
+    assert arm.velocity_limit.tolist() == [1.0] * 3
+
+
+@pytest.mark.parametrize("encoding", ["klingon", "utf-32"])
+def test_an_srdf_in_an_unknown_encoding_gives_no_home(load, tmp_path, encoding):
+    (tmp_path / "rods.srdf").write_text(f'<?xml version="1.0" encoding="{encoding}"?><robot name="rods"/>')
+    assert load(arm_of()).home is None
+
+
 JOINTS = {
     "joint0": {"has_velocity_limits": True, "max_velocity": 1.25, "has_jerk_limits": False, "max_jerk": 1},
     "joint1": {"has_acceleration_limits": True, "max_acceleration": 2.5},
@@ -271,7 +285,11 @@ BAD = {
     "joint_limits: {finger: {has_jerk_limits: true, max_jerk: 1}}": ["finger"],
     "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: fast}}": ["jerk.joint0", "'fast'"],
     "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: 0}}": ["jerk.joint0", "0"],
-    "joint_limits: {joint0: {has_velocity_limits: false, max_velocity: 1}}": ["no limit", "joint0"],
+    "joint_limits: {joint0: {has_velocity_limits: false, max_velocity: 1}}": [
+        "no limit",
+        "of joint0",
+        "has_",
+    ],
     "joint_limits: {joint0: {min_position: 1, max_position: -1}}": ["joint0", "1 to -1"],
     "joint_limits: {joint0: {max_velocity: !degrees [90]}}": ["scalar"],
     "limits: 3": ["joint_limits"],

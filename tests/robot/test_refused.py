@@ -8,7 +8,17 @@ import trimesh
 
 from sidegan import robot as room
 from sidegan.errors import ConfigError, RobotError, ShapeError, StorageError
-from sidegan.robot import Drives, Limits, Setup, load_robot, write_mjcf, write_urdf
+from sidegan.robot import (
+    Drives,
+    Limits,
+    Setup,
+    load_robot,
+    torque_of_mjcf,
+    torque_of_urdf,
+    with_effort,
+    write_mjcf,
+    write_urdf,
+)
 from sidegan.robot.meshes import read_mesh
 from tests.chains import random_chain, real_links
 from tests.refusals import refused
@@ -29,6 +39,10 @@ def stated(**given):
     return lambda at: at.load(two_joints(), Setup(limits=Limits(**given)))
 
 
+def given(**words):
+    return lambda at: load_robot("planar2", **words)
+
+
 def body(*parameters: float):
     links = np.array([ROD, parameters], dtype=float)
     return lambda at: room.require_consistent(random_chain(2, 0)[0], links)
@@ -38,6 +52,22 @@ def written(write, name: str, scale: float = 1.0):
     """Writing the planar arm with scaled inertias."""
     links = scale * load_robot("planar2").inertial_parameters
     return lambda at: write(at.planar, links, at.folder / name, Drives.none(2))
+
+
+def with_drives(write, *given):
+    drives = Drives(*given)
+    return lambda at: write(at.planar, at.planar.inertial_parameters, at.folder / "out.xml", drives)
+
+
+def at_states(read, *states):
+    """Torques of a file of the planar arm, in a folder of its own."""
+
+    def run(at):
+        write = write_urdf if read is torque_of_urdf else write_mjcf
+        write(at.planar, at.planar.inertial_parameters, at.folder / "arm", drives=Drives.none(2))
+        read(at.folder / "arm", *([at.planar] if read is torque_of_urdf else []), *states)
+
+    return run
 
 
 def rewritten(text: str | None):
@@ -65,7 +95,7 @@ LOOP = more(two_joints(), joint("third", "base", "upper"))
 RING = robot(joint("a", "x", "y"), joint("b", "y", "x"), link("x"), link("y"))
 ELSEWHERE = one_joint(origin='xyz="9 9 9" rpy="0.4 -0.5 0.6"')
 NO_MASS = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
-TWO, THREE = np.zeros(2), np.zeros(3)
+TWO, THREE, STATES = np.zeros(2), np.zeros(3), np.zeros((3, 2))
 
 # Descriptions, or what is done at a place, and the names and numbers that the refusal is about.
 DEGREES = {"first": (-80.0, 80.0), "second": (-1.0, 1.0)}
@@ -88,7 +118,7 @@ REFUSED = {
         (more(RING, link("base")), ("'base'", "x, y")),
         (LOOP, ("'third'", "'upper'")),
         (more(one_joint(), link("lost")), ("'base', 'lost'",)),
-        (RING, ("0 links",)),
+        (RING, ("loop",)),
         (two_joints().replace('"second"', '"first"'), ("2 joints", "'first'")),
         (one_joint().replace('child link="arm"', 'child link="leg"'), ("'turn'", "'leg'")),
         (one_joint().replace('<child link="arm"/>', ""), ("'turn'", "<child>")),
@@ -113,6 +143,7 @@ REFUSED = {
         (lambda at: at.load(one_joint(collision=mesh("no_mesh.stl"))), ("no_mesh.stl",)),
         # Which part is the arm, and what is said beside the description.
         (part(tip="hand"), ("'hand'", "tip='")),
+        (part(tip="floor"), ("'floor'", "tip")),
         (part(tip="torso", locked={"waist": 0.0}), ("locked",)),
         (part(locked={"glue": 0.0}), ("'glue'", "locked")),
         (part(locked={"right_elbo": 0.0}), ("'right_elbo'", "right_elbow")),
@@ -131,6 +162,7 @@ REFUSED = {
         (written(write_urdf, "out.urdf", -1.0), ("'upper_arm'", "-3 kg")),
         (written(write_mjcf, "out.xml", -1.0), ("'upper_arm'", "-3 kg")),
         (written(write_mjcf, "out.xml", 1e-20), ("MuJoCo", "planar2")),
+        (lambda at: torque_of_mjcf(at.folder / "gone.xml", STATES, STATES, STATES), ("MuJoCo", "gone.xml")),
         # Descriptions that changed since they were read.
         (rewritten(two_joints()), ("small", "joints")),
         (rewritten(ELSEWHERE), ("small", "translation")),
@@ -140,13 +172,43 @@ REFUSED = {
         (lambda at: room.inconsistent_links(at.planar, np.ones((1, 2, 10))), ("(1, 2, 10)", "(2, 10)")),
         (lambda at: write_urdf(at.planar, np.ones((3, 10)), at.folder / "out"), ("(3, 10)", "(2, 10)")),
         (lambda at: Drives(TWO, THREE, TWO), ("(2,), (3,)",)),
+        *((with_drives(write, [1.0], [1.0], [1.0]), ("2",)) for write in (write_urdf, write_mjcf)),
+        *((with_drives(write, [1, 2], [1, 2], [1, np.nan]), ("nan",)) for write in (write_urdf, write_mjcf)),
+        *((at_states(read, TWO, TWO, TWO), ("(2,)",)) for read in (torque_of_urdf, torque_of_mjcf)),
+        *(
+            (at_states(read, STATES, STATES, STATES[1:]), ("(2, 2)",))
+            for read in (torque_of_urdf, torque_of_mjcf)
+        ),
+        (given(home=[0.5]), ("home", "0.5", "2")),
+        (given(home=[0.5, np.nan]), ("home", "nan")),
+        (given(home=["a", "b"]), ("home",)),
     ],
     StorageError: [
         (written(write_urdf, "file/out.urdf"), ("out.urdf",)),
         (written(write_mjcf, "file/arm.xml"), ("arm.xml",)),
     ],
-    ConfigError: [(open_mesh, ("three.stl",))],
+    ConfigError: [
+        (open_mesh, ("three.stl",)),
+        (lambda at: load_robot(3), ("robot", "3")),
+        *(
+            (lambda at, share=share: with_effort(at.planar, share), ("effort",))
+            for share in (0, 80, np.nan, "x")
+        ),
+        (given(setup={"tipp": "arm"}), ("tipp", "tip")),
+        (given(setup=Setup(mount=(0.0, 0.0))), ("mount",)),
+        (given(setup=Setup(limits=Limits(velocity=np.nan))), ("limits.velocity", "nan")),
+        (given(setup=Setup(limits=Limits(position={"elbow": 1.0}))), ("limits.position.elbow",)),
+    ],
 }
+NO_JOINTS = one_joint(kind="fixed")
+
+
+def test_a_joint_of_a_description_without_movable_ones_is_refused_without_suggestions(load):
+    with refused(RobotError, "'elbow'") as caught:
+        load(NO_JOINTS, Setup(locked={"elbow": 0.0}))
+    assert "expected" not in str(caught.value)
+
+
 CASES = [(error, case, names) for error, cases in REFUSED.items() for case, names in cases]
 
 

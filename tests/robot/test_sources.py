@@ -137,7 +137,8 @@ class TestMjcf:
         assert abs(trimesh.load(file).volume) == pytest.approx(0.6e-3, rel=1e-5)
 
     def test_limits_and_what_is_said_about_what_is_ignored(self, mjcf, caplog):
-        with refused(RobotError, "limits={'velocity': {'one': 1, 'two': 1, 'slide': 0.1}}"):
+        missing = "'one' has no velocity limit", "limits={'velocity': {'one': 1, 'two': 1, 'slide': 0.1}}"
+        with refused(RobotError, *missing):
             load_robot(mjcf)
         arm = load_robot(mjcf, Setup(limits=SPEEDS))
         assert arm.torque_limit.tolist() == [87, np.inf, np.inf]
@@ -242,6 +243,15 @@ def test_ties_and_motors_on_several_joints_are_refused_until_the_user_says_more(
         arm = load(text, setup, name="arm.xml")
         assert arm.joint_names == ("ja", "jb", "jc")
         assert arm.torque_limit.tolist() == [9.0 if setup is STRONG else 90.0] * 3
+
+
+def test_a_ball_joint_is_no_floating_base_and_may_be_locked(load):
+    ball = driven(type="ball").replace(
+        'type="ball"', 'type="ball" limited="false" actuatorfrclimited="false"'
+    )
+    with refused(RobotError, "'jb' is ball: a joint must", "locked={'jb': 0}"):
+        load(ball, FREE, name="arm.xml")
+    assert load(ball, replace(FREE, locked={"jb": 0.0}), name="arm.xml").joint_names == ("ja", "jc")
 
 
 def test_reading_two_joints_on_one_axis_leaves_no_file_of_mujocos(load, tmp_path, monkeypatch):

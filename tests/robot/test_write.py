@@ -1,6 +1,7 @@
 """A written description reads as the same arm with the new inertias: for us, Pinocchio and MuJoCo."""
 
 import xml.etree.ElementTree as ET
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -93,6 +94,23 @@ def test_comments_extra_elements_and_unicode_are_kept(load, tmp_path):
     assert '<gazebo reference="arm"><inertial />' in written
 
 
+@pytest.mark.parametrize("lower", [0, 1])  # as SolidWorks exports joints, and the wrong way round
+def test_impossible_limits_give_way_to_the_users_when_written(load, tmp_path, lower):
+    text = one_joint(limit=f'<limit lower="{lower}" upper="0" velocity="-1" effort="1"/>')
+    arm = load(text, Setup(limits=Limits(position={"turn": (-1.0, 2.0)}, velocity=3.0)))
+    write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
+    read = load_robot(tmp_path / "out.urdf")
+    assert (read.position_lower, read.position_upper, read.velocity_limit) == (-1, 2, 3)
+
+
+@pytest.mark.parametrize("effort", [None, 9.0])
+def test_a_limit_without_effort_is_written_as_other_readers_require_it(load, tmp_path, effort):
+    text = one_joint(limit='<limit lower="-1" upper="1" velocity="1"/>')
+    arm = load(text, Setup(limits=Limits(effort=effort)))
+    write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
+    assert pin.buildModelFromUrdf(str(tmp_path / "out.urdf")).upperEffortLimit.tolist() == [effort or 0.0]
+
+
 def test_written_friction_replaces_dynamics_and_is_never_negative(load, tmp_path):
     known = joint("j0", "l0", "l1", extra='<dynamics damping="9"/>')
     arm = load(robot(*(link(f"l{i}", INERTIA) for i in range(3)), known, joint("j1", "l1", "l2")))
@@ -117,6 +135,24 @@ def test_files_of_a_mounted_arm_with_a_locked_joint_give_its_torques(tmp_path):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
     found = torque_of_urdf(tmp_path / "a.urdf", arm, *states) + own.rotor_inertia * ddq
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+
+
+def test_torques_at_whole_numbers_are_not_rounded_and_of_no_states_are_none(planar, tmp_path):
+    """Files are named, and parameters given, as users have them."""
+    urdf, mjcf = str(tmp_path / "a.urdf"), str(tmp_path / "a.xml")
+    write_urdf(planar, planar.inertial_parameters.tolist(), urdf)
+    write_mjcf(planar, planar.inertial_parameters.tolist(), mjcf, Drives.none(2))
+    whole, none = [[1, 2], [3, 4]], np.zeros((0, 2))
+    expected = RigidBody(planar).torque(*[np.array(whole, float)] * 3)
+    for read in (lambda *x: torque_of_urdf(urdf, planar, *x), partial(torque_of_mjcf, mjcf)):
+        np.testing.assert_allclose(read(whole, whole, whole), expected, rtol=0, atol=1e-9)
+        assert read(none, none, none).shape == (0, 2)
+
+
+def test_an_mjcf_with_negative_friction_can_be_read(planar, tmp_path):
+    write_mjcf(planar, planar.inertial_parameters, tmp_path / "a.xml", Drives([-1, 2], [3, -4], [0, -0.1]))
+    drives = load_robot(tmp_path / "a.xml", {"limits": {"velocity": 1.0}}).drives
+    assert [x.tolist() for x in vars(drives).values()] == [[0, 2], [3, 0], [0, 0]]
 
 
 @pytest.mark.parametrize("name", built_in_robots())

@@ -12,6 +12,7 @@ from tests.refusals import refused
 
 FROM_HORIZONTAL = {"elbow": {"elbow": 1, "shoulder": -1}}  # as the controller counts the second angle
 TURNED = {"regions": [{"mesh": {"file": "a.stl", "rpy": [90, 0, 0]}}]}
+NO_HOME = {"regions": [{"mesh": {"file": "~nobody_here/a.stl"}}]}
 # What the message names, commas between, and the call: of a cell, and of a set with a small motion of the
 # shoulder and one beyond its range.
 WRONG = {
@@ -39,6 +40,10 @@ WRONG = {
         ("robot, None", lambda cell, it: sg.Cell(None)),
         ("clearance, -1", lambda cell, it: sg.Cell("planar2", workspace=sg.Workspace(clearance=-1.0))),
         ("planar2, Cell", lambda cell, it: sg.excite("planar2", 1)),
+        ("Cell('planar2')", lambda cell, it: sg.excite(Path("planar2"), 1)),
+        ("Cell('arm.urdf')", lambda cell, it: sg.excite(None, 1)),
+        ("~nobody_here/a.stl", lambda cell, it: sg.Cell("planar2", workspace=NO_HOME).constraints),
+        ("~nobody_here/a.stl", lambda cell, it: sg.Cell("planar2", workspace=NO_HOME).stamped()),
         ("count, 0", lambda cell, it: sg.excite(cell, 0)),
         ("seed, -1", lambda cell, it: sg.excite(cell, 1, seed=-1)),
         ("parameters, GoalSettings", lambda cell, it: sg.excite(cell, goal="parameters")),
