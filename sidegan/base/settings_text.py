@@ -75,12 +75,13 @@ def suggest_by_joint(
 def suggest_limits(
     values: Mapping[str, Mapping[str, object]], given: Mapping[str, object] | None = None
 ) -> str:
-    """Limits of the arm by kind and joint for a message.
+    """Limits of the arm by kind and joint for a message, including those given before.
 
-    In Python they are one setting, which then includes other kinds given before.
+    In Python they are one setting, which then includes all that were given.
     """
-    before = {} if _of_a_command.get() else given or {}
-    return suggest_fields("robot.limits", {**before, **values}, _ROUNDED)
+    before: dict[str, Any] = {kind: x for kind, x in (given or {}).items() if x is not None}
+    fields = {kind: {**before.get(kind, {}), **x} for kind, x in values.items()}
+    return suggest_fields("robot.limits", fields if _of_a_command.get() else before | fields, _ROUNDED)
 
 
 def suggest_touching(pairs: Iterable[Sequence[str]], given: Iterable[Sequence[str]] | None = None) -> str:

@@ -3,7 +3,7 @@
 import logging
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from itertools import product
 from typing import Any, TypeVar
@@ -46,7 +46,7 @@ def limits_of(
     given = given.of_joints(joint.name for joint in moving)
     stated, notes = stated_limits(tree, given)
     _check_stated(tree, stated)
-    suggested = partial(_suggested, {kind: x for kind, x in vars(given).items() if x is not None})
+    suggested = partial(suggest_limits, given=vars(given))
     described = _Described(home)
     sources: dict[str, Callable[[UrdfJoint], Any]] = {
         "position": described.position,
@@ -103,11 +103,6 @@ def limits_of(
     if wider and planning:
         _log.warning("%s: limits are wider than the description's: %s", tree.where, "; ".join(wider))
     return _arrays(found), notes + _assumed(found, moving, stated["position"], suggested)
-
-
-def _suggested(given: Mapping[str, Any], values: _ByKind) -> str:
-    """Limits by kind and joint for a message, with those that the user gave."""
-    return suggest_limits({kind: {**given.get(kind, {}), **x} for kind, x in values.items()}, given)
 
 
 def _arrays(found: _ByKind) -> dict[str, Array]:

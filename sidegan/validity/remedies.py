@@ -7,7 +7,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.base.settings_text import FILL_IN, suggest_by_joint, suggest_limits, suggest_touching, suggestion
+from sidegan.base.settings_text import FILL_IN, suggest_limits, suggest_touching, suggestion
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -114,13 +114,12 @@ def describe_placeholder_limits(arm: Arm) -> str:
     for kind, (values, marked) in kinds.items():
         if marked.any():
             wrong.append(f"{kind} of {arm.named(marked)} (up to {float(values[marked].max()):.4g})")
-            asked = {arm.joint_names[j]: FILL_IN for j in np.flatnonzero(marked).tolist()}
-            stated[kind] = {**_given(arm, kind), **asked}
+            stated[kind] = {arm.joint_names[j]: FILL_IN for j in np.flatnonzero(marked).tolist()}
     if not wrong:
         return ""
     return (
         f"implausible limits: {'; '.join(wrong)}; are they {_DOUBTS[[*stated][-1]]}? The arm may not "
-        f"follow; state the real ones by {suggest_limits(stated)}"
+        f"follow; state the real ones by {suggest_limits(stated, vars(arm.setup.limits))}"
     )
 
 
@@ -158,7 +157,7 @@ def _geared(arm: Arm, weak: list[int]) -> str:
     names = {arm.joint_names[j] for j in weak}
     if not names <= {*joint} or names & {*_given(arm, "effort")}:
         return ""
-    right = suggest_by_joint("limits.effort", joint | _given(arm, "effort"))
+    right = suggest_limits({"effort": joint | _given(arm, "effort")}, vars(arm.setup.limits))
     return f"; are these limits the motors'? Times the mechanicalReduction in the file they are {right}"
 
 
@@ -191,7 +190,7 @@ def describe_excessive_friction(arm: Arm) -> str:
 def _limits_to_state(arm: Arm, kind: str, joints: list[int]) -> str:
     """The setting of limits for some joints, including those given before."""
     stated = {arm.joint_names[j]: FILL_IN for j in joints}
-    return suggest_by_joint(f"limits.{kind}", stated, _given(arm, kind))
+    return suggest_limits({kind: stated}, vars(arm.setup.limits))
 
 
 def _given(arm: Arm, kind: str) -> dict[str, Any]:
