@@ -47,9 +47,10 @@ def text_table(path: Path) -> Table:
             f"{path} is no table: expected a line of column names, and below it a line of numbers for each "
             "sample, separated by commas, semicolons, tabs or spaces"
         )
-    lines[0] = lines[0].lstrip(_MARKS)
+    lines[0] = lines[0].lstrip(_MARKS).rstrip(" \r\n")
     names = _fields(lines[0], separator)
-    form = {"sep": separator, "decimal": decimal, "encoding": encoding}
+    blanks = separator == " " and _is_aligned(lines[1:], len(names))
+    form = {"sep": r"\s+" if blanks else separator, "decimal": decimal, "encoding": encoding}
     if echoed := _echoed(path, names):
         return _text_rows(path, echoed, first=skipped + 1, **form)
     if all(_is_number(name.replace(decimal, ".")) for name in names):
@@ -70,6 +71,12 @@ def _fields(line: str, separator: str) -> list[str]:
     """Fields of a line, without quotes and blanks around them."""
     rows = csv.reader([line], delimiter=separator, skipinitialspace=True)
     return [field.strip() for field in next(rows, [])]
+
+
+def _is_aligned(rows: Sequence[str], count: int) -> bool:
+    """Whether blanks align rows of ``count`` fields; elsewhere two blanks have an empty field between."""
+    padded = any(row[:1] == " " or "  " in row for row in rows)
+    return padded and all(len(row.split()) == count for row in rows if row.strip())
 
 
 def _comments(lines: Sequence[str]) -> int:

@@ -304,6 +304,25 @@ def test_comments_before_the_header_are_skipped(made, tmp_path, before, separato
     assert not found.corrupt
 
 
+@pytest.mark.parametrize("end", ["", " "])
+@pytest.mark.parametrize("form", ["%12.6f", "%.6f "])
+def test_columns_may_be_aligned_by_blanks(made, tmp_path, form, end):
+    header = " ".join(f"{name:>12}" for name in table(made))
+    np.savetxt(tmp_path / "a.txt", table(made), form, header=header + end, newline=end + "\n")
+    found = load(tmp_path / "a.txt")
+    np.testing.assert_allclose(found.torque, made.torque, atol=1e-6)
+    assert not found.corrupt
+
+
+def test_a_blank_field_between_single_blanks_stays_in_its_column(made, tmp_path):
+    blank = table(made, qd1=made.velocity[:, 0], qd2=made.velocity[:, 1])
+    blank.loc[3, "q1"] = np.nan
+    blank.to_csv(tmp_path / "a.txt", sep=" ", index=False)
+    found = load(tmp_path / "a.txt")
+    np.testing.assert_allclose(found.torque, np.delete(made.torque, 3, 0))
+    assert [row for row, _ in found.corrupt] == [5]
+
+
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_decimal_commas_are_read(made, tmp_path, separator):
     """A line of text among the numbers costs that line only."""
