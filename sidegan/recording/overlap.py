@@ -97,7 +97,7 @@ def _parts(recording: Digests) -> Iterator[tuple[Array, Array]]:
     """Times (K,) [s] and torques (K, J) of parts of a recording, without its ends, which filters distort."""
     begin, end = np.searchsorted(recording.time, recording.time[[0, -1]] + [_REACH, -_REACH])
     count = max(1, round((recording.time[-1] - recording.time[0]) / _PART))
-    rows = np.array_split(np.arange(begin, end), count)
+    rows = [part for part in np.array_split(np.arange(begin, end), count) if len(part)]
     for part in rows[:: -(-count // _PARTS)]:
         yield recording.time[part], recording.torque[part]
 
