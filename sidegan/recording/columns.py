@@ -12,10 +12,10 @@ from sidegan.recording import thresholds
 from sidegan.recording.column_names import (
     Series,
     is_commanded,
-    is_split,
     own_names,
     series_of,
     signal_of,
+    split_stamps,
     stamps_of,
 )
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
@@ -133,9 +133,10 @@ class Finder:
                 f"{suggestion('recording.time', 'NAME')}, or, without time stamps, state the sampling rate "
                 f"[Hz]: {suggestion('recording.rate', 1000)}"
             )
-        if len(stamps) > 1 and not is_split(stamps):
+        split = split_stamps(stamps)
+        if len(stamps) > 1 and not split:
             self._refuse_several("time", stamps)
-        return stamps
+        return split or stamps
 
     def _set(self, pattern: str) -> tuple[list[str], str]:
         """Columns of a configured pattern, none unless all exist, and the pattern."""
