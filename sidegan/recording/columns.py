@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from sidegan.base.names import counted, listed
-from sidegan.base.settings_text import suggestion
+from sidegan.base.settings_text import suggest_fields, suggestion
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
 from sidegan.recording.column_names import (
@@ -242,7 +242,7 @@ class Finder:
         zero = {s: p for s, p in patterns.items() if lefts[s] and "{index0}" in p}
         if not self.ambiguous or AUTO not in self.settings.patterns("position") or not zero:
             return [unused + has]
-        other = " ".join(_typed(s, p.replace("{index0}", "{index}")) for s, p in zero.items())
+        other = suggest_fields("recording", {s: p.replace("{index0}", "{index}") for s, p in zero.items()})
         return [f"{unused}joints are counted from 0, and {has}; if the first joint is number 1: {other}"]
 
     def _refuse_missing(self, signal: str) -> None:

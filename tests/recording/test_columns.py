@@ -1,5 +1,6 @@
 """Columns are recognised by names and units in all usual conventions; what is odd about them is reported."""
 
+from contextvars import Context
 from dataclasses import replace
 
 import numpy as np
@@ -55,6 +56,11 @@ def test_unused_columns_are_reported(made, tmp_path, names, more, words):
     found = read(tmp_path, named(made, "t", *names.split(), **dict.fromkeys(more.split(), 1.0)))
     assert_same(found, made)
     assert words in "".join(found.remarks)
+
+
+def test_the_other_numbering_is_one_argument_in_python(made, tmp_path):
+    found = Context().run(read, tmp_path, named(made, "t", "q{i}", "tau{i}", q2=1.0, tau2=1.0))
+    assert "recording={'position': 'q{index}', 'torque': 'tau{index}'}" in found.remarks[0]
 
 
 UNKNOWN = [
