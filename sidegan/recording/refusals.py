@@ -11,6 +11,7 @@ from sidegan.base.settings_text import FILL_IN, setting_name, suggest_fields, su
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
 from sidegan.recording.agreement import Agreement
+from sidegan.recording.clock import stamp_text
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import Signal, Statistics
 from sidegan.recording.units import SECONDS, Units
@@ -178,7 +179,7 @@ def refuse_jumps(recording: Recording, arm: Arm, gap: float) -> None:
                 unit = "m" if arm.prismatic[j] else "rad"
                 raise RecordingError(
                     f"{recording.name}: {name} jumps by {moved[k]:.2g} {unit} after sample {k + 1}, at "
-                    f"{time[k]:.4g} s: are rows missing, or was its encoder reset? split the file there"
+                    f"{stamp_text(time[k])}: are rows missing, or was its encoder reset? split the file there"
                 )
 
 
@@ -210,7 +211,7 @@ def refuse_overload(
         worst = int(size.argmax())
         raise RecordingError(
             f"{statistics.name}: the torque of {arm.joint_names[j]} is {raw[worst, j]:.4g} {unit} at "
-            f"{time[worst]:.6g} s, and beyond {agreement.usual[j]:.4g} {unit} in only "
+            f"{stamp_text(time[worst])}, and beyond {agreement.usual[j]:.4g} {unit} in only "
             f"{counted(len(beyond), 'sample')} of {len(size)}: remove these rows from the file"
         )
     measured = statistics.load

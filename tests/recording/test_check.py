@@ -14,6 +14,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
 from sidegan.recording.agreement import to_reverse
 from sidegan.recording.checked import hold_out
+from sidegan.recording.clock import stamp_text
 from sidegan.recording.delay import Delay, delay_of, pool_delays
 from sidegan.recording.gravity import load_of
 from sidegan.recording.read import read_and_check
@@ -98,7 +99,8 @@ def test_a_frozen_torque_sensor_is_reported(recording):
         [w for w in check(changed).warnings if "is frozen" in w]
         for changed in (frozen, still, frozen.take(rows))
     )
-    assert "the torque of elbow is frozen from 6.00 s to 18.99 s, although the joint moves" in warnings[0]
+    span = " to ".join(stamp_text(recording.time[k]) for k in (600, 1899))
+    assert f"the torque of elbow is frozen from {span}, although the joint moves" in warnings[0]
     assert others == [[], []]
 
 

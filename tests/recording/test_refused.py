@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from sidegan.errors import ConfigError, RecordingError
+from sidegan.recording.clock import stamp_text
 from sidegan.recording.settings import Files
 from tests.recording import files
 from tests.recording.conftest import PLANAR, check, of_file
@@ -186,6 +187,15 @@ def shuffled(time):
     return np.where(np.arange(len(time)) == 100, time[90], time)
 
 
+def since_1970(time):
+    return 1.69e9 + shuffled(time)
+
+
+def jumping_since_1970(recording):
+    position = recording.position + 0.4 * (np.arange(2000) > 700)[:, None]
+    return replace(recording, time=1.69e9 + recording.time, position=position)
+
+
 def unpadded(time):
     """Seconds and nanoseconds of a clock, with a point between them."""
     stamps = (1e9 * (time + 5)).round().astype(int).tolist()
@@ -250,6 +260,8 @@ CHECKED = {  # what was changed, how it is checked, and what the message names
     "no signal": (but("torque", lambda _: None), {}, "torque current"),
     "constant velocities": (but("velocity", np.ones_like), {}, "shoulder, elbow recording.velocity=null"),
     "one stamp": (but("time", np.ones_like), {}, "same time stamp"),
+    "a stamp too early since 1970": (but("time", since_1970), {}, "1690000000.99 sort"),
+    "a jump since 1970": (jumping_since_1970, {}, "1690000007.00"),
     "a stamp too early": (but("time", shuffled), {}, "sample 100: sort"),
     "backwards": (but("time", lambda x: x[::-1]), {}, "sample 1: sort"),
     "a restart": (but("time", lambda x: np.r_[x[:1000], x[:1000]]), {}, "sample 1000: restarts"),
@@ -301,7 +313,7 @@ def test_positions_that_jump_and_return_are_left_out(recording, samples):
     at = lost(samples)
     zeros = replace(recording, position=np.where(at[:, None], 0.0, recording.position))
     found, clean = check(zeros), check(recording.take(np.flatnonzero(~at)))
-    for words in ("elbow", f"{recording.time[701]:.6g}", f"{samples} sample"):
+    for words in ("elbow", stamp_text(recording.time[701]), f"{samples} sample"):
         assert words in found.warnings[0]
     assert found.warnings[1:] == clean.warnings
     np.testing.assert_array_equal(found.segments[0].position, clean.segments[0].position)
