@@ -91,8 +91,10 @@ def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course
     waiting = np.linspace(0, pause, max(1, round(pause * rate)) + 1)[1:] if pause else np.empty(0)
 
     def join(one: Course, other: Course) -> Course:
+        if other.joint_names != one.joint_names:
+            raise ShapeError(f"courses of {one.joint_names} and {other.joint_names} cannot be joined")
         apart = float(np.abs(one.position[-1] - other.position[0]).max())
-        if other.joint_names != one.joint_names or apart > _MET:
+        if apart > _MET:
             raise ShapeError(f"consecutive courses must meet: their ends are {apart:.3g} rad or m apart")
         end = one.time[-1]
         still = np.zeros((len(waiting), len(other.joint_names)))

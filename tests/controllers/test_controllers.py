@@ -173,8 +173,13 @@ def test_the_program_starts_only_at_its_start(planned):
 
 
 def test_courses_that_do_not_meet_are_refused():
-    with refused(ShapeError):
+    with refused(ShapeError, "apart"):
         run_of([course(), course(family=Trajectory(joints=6, period=16.0))], 0.0)
+    still = course()
+    for names in (NAMES[::-1], NAMES[:3]):
+        other = Course(names, still.time, *(x[:, : len(names)] for x in still[2:]))
+        with refused(ShapeError, *names):
+            run_of([still, other], 0.0)
 
 
 def way(constraints, start, home, **changes):

@@ -126,7 +126,7 @@ def test_missing_or_foreign_commands_are_refused(planar, true, sent, tmp_path):
 def test_a_table_without_increasing_times_is_refused(planar, tmp_path, times):
     rows = "".join(f"{time},{k},0\n" for k, time in enumerate(times))
     (tmp_path / "1.csv").write_text(f"time,q_shoulder,q_elbow\n{rows}")
-    with refused(RecordingError, "1.csv", "increasing time"):
+    with refused(RecordingError, "1.csv", "increasing times"):
         load_commanded(tmp_path / "1.csv", planar.joint_names, np.eye(2))
 
 
