@@ -143,8 +143,8 @@ def approach(
     duration = samples / settings.rate
     if duration > settings.longest:
         raise InfeasibleError(
-            f"the path from controllers.start to home takes {duration:.0f} s with {use:.0%} of the limits of "
-            f"{arm.joint_names[int(needed.argmax())]}, at {settings.speed:.0%} of the speed; "
+            f"the path from controllers.start to home takes {duration:.0f} s with {100 * use:.3g}% of the limits "
+            f"of {arm.joint_names[int(needed.argmax())]}, at {100 * settings.speed:.3g}% of the speed; "
             f"{suggestion('controllers.longest', math.ceil(duration))} allows that, "
             f"{suggestion('controllers.careful', FILL_IN)} sets the share; "
             f"or {_CLOSER}"
@@ -158,29 +158,30 @@ def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
     The torque for moving in 1 s is divided by the square of the duration; that for holding stays the same.
 
     Raises:
-        InfeasibleError: when holding the arm leaves no torque to move it, for any duration.
+        InfeasibleError: when holding the arm and friction leave no torque to move it, for any duration.
     """
     arm = body.arm
     drives = body.arm.known_drives
     friction = drives.coulomb + use * drives.viscous * arm.velocity_limit  # at the highest allowed speed
-    limit = np.maximum(arm.torque_limit - friction, np.finfo(float).tiny)
+    left = arm.torque_limit - friction
 
     def share(times: Array) -> Array:
         unit = _quintic(arm, ends, 1.0, times)
         still = np.zeros_like(unit.position)
         held = body.torque(unit.position, still, still)
-        with np.errstate(over="ignore"):  # if friction uses a whole limit
-            used = np.abs(held) / limit
+        used = (np.abs(held) + friction) / arm.torque_limit
         row, joint = divmod(int(used.argmax()), arm.joints)
         if used[row, joint] > _HOLDABLE:
+            name, careful = arm.joint_names[joint], suggestion("controllers.careful", FILL_IN)
+            less = f"{careful} below {use:g} for less friction, " if drives.viscous[joint] else ""
             raise InfeasibleError(
-                f"the straight path needs too much torque at any speed and controllers.careful: "
-                f"{arm.joint_names[joint]} needs {float(used[row, joint]):.1%} of its limit just to hold the "
-                f"arm; allow more by {suggestion('robot.effort', FILL_IN)}, or {_CLOSER}"
+                f"the straight path needs too much torque: holding the arm, and friction at {use:g} of the "
+                f"velocity limit, take {float(used[row, joint]):.1%} of the limit of {name}; "
+                f"allow more by {suggestion('robot.effort', FILL_IN)}, {less}or {_CLOSER}"
             )
         moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
         moving = moving + drives.rotor_inertia * unit.acceleration
-        return np.abs(moving) / np.minimum(use * limit, limit - held * np.sign(moving))
+        return np.abs(moving) / np.minimum(use * left, left - held * np.sign(moving))
 
     count = max(_TIMES, math.ceil(float(np.abs(ends[1] - ends[0]).sum()) / _STEP))
     return np.sqrt(_largest(share, count))

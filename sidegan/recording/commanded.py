@@ -86,9 +86,7 @@ def load_commanded(path: Path, joint_names: Sequence[str], coupling: Array) -> l
             values = table[columns].to_numpy(np.float64)
         time = values[:, 0]
         if len(time) < 2 or not (np.isfinite(values).all() and (np.diff(time) > 0).all()):
-            raise RecordingError(
-                f"{file} has no trajectory: two rows of numbers or more, with increasing time"
-            )
+            raise RecordingError(f"{file} is no trajectory: expected two rows or more, at increasing times")
         found.append(Commanded(file.stem, time - time[0], values[:, 1:] @ coupling.T))
     return found
 
