@@ -143,8 +143,8 @@ def approach(
     duration = samples / settings.rate
     if duration > settings.longest:
         raise InfeasibleError(
-            f"the path from controllers.start to home takes {duration:.0f} s with {100 * use:.3g}% of the limits "
-            f"of {arm.joint_names[int(needed.argmax())]}, at {100 * settings.speed:.3g}% of the speed; "
+            f"the path from controllers.start to home takes {duration:.0f} s with {100 * use:.3g}% of the "
+            f"limits of {arm.joint_names[int(needed.argmax())]}, at {100 * settings.speed:.3g}% of the speed; "
             f"{suggestion('controllers.longest', math.ceil(duration))} allows that, "
             f"{suggestion('controllers.careful', FILL_IN)} sets the share; "
             f"or {_CLOSER}"

@@ -107,7 +107,7 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     inverse = products.diagonal() / np.maximum(other, NEGLIGIBLE)
     correlation = products / np.maximum(np.sqrt(own[:, None] * other), NEGLIGIBLE)
     alike = correlation.diagonal()
-    for j in np.flatnonzero(moving).tolist():
+    for j in np.flatnonzero(moving & ~arm.prismatic).tolist():
         ratio = abs(slope[j])
         off = abs(abs(math.log(max(ratio, NEGLIGIBLE))) - math.log(DEGREES))
         if off < thresholds.DEGREES_RATIO and abs(alike[j]) > thresholds.RATE_CORRELATION:

@@ -221,7 +221,7 @@ def refuse_overload(
     elif measured == "current":
         suspicion = f"are the drive gains ({setting_name('robot.gains')}) and the joint order right?"
     else:
-        suspicion = "is it in N·m, and the joint order right? (a current is named by recording.current)"
+        suspicion = f"is it in {unit}, and the joint order right? (a current is named by recording.current)"
     joints = zip(arm.joint_names, agreement.usual.tolist(), (share > most).tolist())
     raised = suggestion("robot.limits.effort", {name: math.ceil(usual) for name, usual, far in joints if far})
     raise RecordingError(

@@ -229,6 +229,9 @@ def within_a_turn(recording):
     return replace(recording, position=np.rad2deg(recording.position % (2 * np.pi)), velocity=None)
 
 
+SLIDING = replace(PLANAR, prismatic=np.ones(2, bool))
+
+
 def limited(torque):
     return replace(PLANAR, torque_limit=np.full(2, torque))
 
@@ -250,6 +253,7 @@ CHECKED = {  # what was changed, how it is checked, and what the message names
     "gains": (currents(), {"gains": (2e5, 2e5)}, "robot.gains"),
     "without limits": (currents(1e3), {"gains": TWO, "arm": limited(np.inf)}, "description"),
     "torques": (scaled("torque", 1e7), {}, "N·m recording.current"),
+    "forces": (scaled("torque", 1e7), {"arm": SLIDING}, "in N, recording.current"),
     "no motion": (scaled("position", 1e-4), {}, "made"),
     "no torques": (but("torque", np.zeros_like), {}, "every torque"),
     "constant torques": (but("torque", np.ones_like), {}, "shoulder, elbow recording.without"),
@@ -288,6 +292,7 @@ def test_implausible_recordings_are_refused(recording, change, options, about):
 WARNED = [  # what the warning says, what was changed, and how it is checked
     ("recording.reverse=[elbow]", of_elbow("torque", np.negative), {}),
     ("recording.velocity=null", of_elbow("velocity", np.negative), {}),
+    ("57.30 (shoulder), 57.30 (elbow) times", scaled("velocity", DEGREES), {"arm": SLIDING}),
     ("the arm hardly moves", scaled("position", 0.1), {}),
     ("elbow never moved", lambda r: replace(of_elbow("position", np.zeros_like)(r), velocity=None), {}),
     ("1 gap, the longest 2", but("time", interrupted), {}),
