@@ -142,12 +142,12 @@ def approach(
     samples = max(POINTS, math.ceil(planned * settings.rate * (1 - _ROUNDING)))
     duration = samples / settings.rate
     if duration > settings.longest:
+        slowest = arm.joint_names[int(needed.argmax())]
         raise InfeasibleError(
             f"the path from controllers.start to home takes {duration:.0f} s with {100 * use:.3g}% of the "
-            f"limits of {arm.joint_names[int(needed.argmax())]}, at {100 * settings.speed:.3g}% of the speed; "
+            f"limits of {slowest}, at {100 * settings.speed:.3g}% of the speed; "
             f"{suggestion('controllers.longest', math.ceil(duration))} allows that, "
-            f"{suggestion('controllers.careful', FILL_IN)} sets the share; "
-            f"or {_CLOSER}"
+            f"{suggestion('controllers.careful', FILL_IN)} sets the share; or {_CLOSER}"
         )
     return _quintic(arm, ends, duration, np.linspace(0, 1, _POINTS + 1))
 

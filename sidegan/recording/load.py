@@ -205,7 +205,7 @@ def _without_corrupt_rows(
             f"{file}: {1 - good.mean():.0%} of its rows lack a number, in column {listed(worst)}"
         )
     if not good.any():
-        raise RecordingError(f"{file} holds no samples")
+        raise RecordingError(f"{file} holds no samples of {listed([x for x in signals if x != 'time'])}")
     corrupt = []
     for k in np.flatnonzero(~good).tolist():
         lacking = [names[c] for c in np.flatnonzero(missing[:, k])]

@@ -3,6 +3,7 @@
 import csv
 import re
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice, takewhile
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sidegan.base.names import counted
+from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
 from sidegan.recording.tables import Table
 from sidegan.recording.units import are_units
@@ -59,8 +60,8 @@ def text_table(path: Path) -> Table:
             "t,q1,q2,tau1,tau2"
         )
     names = [name or f"column {i + 1}" for i, name in enumerate(names)]
-    if len(set(names)) < len(names):
-        raise RecordingError(f"{path}: a column name occurs twice: {', '.join(names)[:100]!r}")
+    if several := [repr(name) for name, count in Counter(names).items() if count > 1]:
+        raise RecordingError(f"{path}: names of columns occur more than once: {listed(several)}")
     units = _fields(lines[1], separator) if lines[1:] else []
     stated = are_units(units)
     table = _text_rows(path, names, first=skipped + 2 + stated, **form)

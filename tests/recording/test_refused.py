@@ -71,6 +71,22 @@ def ragged(made, folder):
     return folder / "a.parquet"
 
 
+def many_names(made, folder):
+    """A name that occurs twice, at the end of a long line of others."""
+    more = files.frame(made).assign(**{f"a long name {k}": 1.0 for k in range(20)})
+    more = pd.concat([more.drop(columns="q1"), more[["q1", "q1"]]], axis=1)
+    more.to_csv(folder / "a.csv", index=False)
+    return folder / "a.csv"
+
+
+def blank_velocities(made, folder):
+    """Positions and torques in rows of their own, and columns of velocities without any number."""
+    table = files.frame(made).assign(qd1=np.nan, qd2=np.nan)
+    rows = [table.assign(tau1=np.nan, tau2=np.nan), table.assign(q1=np.nan, q2=np.nan)]
+    pd.concat(rows).sort_values("t").to_csv(folder / "a.csv", index=False)
+    return folder / "a.csv"
+
+
 def by_joint(table):
     """A row for each joint, in place of a column."""
     return pd.wide_to_long(table, ["q", "qd", "tau"], i="t", j="joint").reset_index()
@@ -114,7 +130,8 @@ FILES = {  # how a file is written, how it is read, and what the message names
     "milliampere": (stated("tau", "[mA]"), {}, "'mA' 'recording.units.torque=\"N·m\"'"),
     "grad": (stated("q", "[grad]"), {}, "'grad' recording.units.angle=rad"),
     "currents in volts": (renamed(tau1="i1 [V]", tau2="i2 [V]"), {}, "'V' recording.units.current=A"),
-    "a name twice": (renamed(q2="q1"), {}, "a.csv q1"),
+    "a name twice": (many_names, {}, "a.csv 'q1'"),
+    "a blank signal beside blank cells": (blank_velocities, {}, "a.csv velocity"),
     "a row for each joint": (files.written(by_joint), {}, "columns='joint'"),
     "ragged lists": (ragged, {}, "q"),
     "a short array": (files.arrays(q=np.ones((3, 2))), ARRAYS, "t has 200 q has 3"),
@@ -279,6 +296,7 @@ CHECKED = {  # what was changed, how it is checked, and what the message names
     "a jump": (of_elbow("position", lambda x: x + 0.4 * (np.arange(len(x)) > 700)), {}, "elbow 701"),
     "missing rows": (missing, {}, "701"),
     "five samples away": (of_elbow("position", lambda x: np.where(lost(5), 0.0, x)), {}, "elbow 701"),
+    "many gaps": (but("time", lambda x: x + np.arange(2000) // 6), {}, "gaps"),
     "a low cut-off": (as_it_is, {"cutoff": 1e-11}, "0.2 Hz"),
 }
 
