@@ -75,10 +75,8 @@ def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[s
 class Finder:
     """Search for the columns of a file that hold time and signals, or only one signal."""
 
-    def __init__(
-        self, file: str, table: Table, settings: RecordingSettings, joints: Joints, only: str | None
-    ) -> None:
-        self.file, self.table, self.settings, self.joints = file, table, settings, joints
+    def __init__(self, table: Table, settings: RecordingSettings, joints: Joints, only: str | None) -> None:
+        self.file, self.table, self.settings, self.joints = table.file, table, settings, joints
         self.available = [*table.columns]
         self.only = only
         self.count = len(joints.places)

@@ -132,16 +132,16 @@ def _open(
         table, where, remarks = bag_table(path, settings, joints.names)
         if only and only not in where:
             raise RecordingError(f"{path.name}: its joint states have {', '.join([*where][1:])}, not {only}")
-        if not settings.patterns("velocity"):
-            where.pop("velocity", None)
-        return table, {name: where[name] for name in ("time", only)} if only else where, remarks
+        wanted = {"time", only} if only else {"time", "position", *filter(settings.patterns, where)}
+        return table, {name: columns for name, columns in where.items() if name in wanted}, remarks
     elif suffix in _READERS:
         table = _READERS[suffix](path)
     else:
         raise RecordingError(
             f"{path} has the suffix {suffix or 'none'}, expected {', '.join(_READERS)} or a bag"
         )
-    return table, *Finder(path.name, table, settings, joints, only).found()
+    table = replace(table, file=path.name)
+    return table, *Finder(table, settings, joints, only).found()
 
 
 def _in_si(

@@ -345,6 +345,12 @@ def test_a_file_without_timestamps_is_read_at_a_given_rate(made, tmp_path, time)
     assert len(found.corrupt) == 1 and "tau1" in found.corrupt[0][1]
 
 
+def test_signals_of_a_bag_that_are_not_wanted_are_not_read(made, tmp_path):
+    bag = files.write_bag(made, tmp_path)
+    assert [*load(bag, torque=None).signals()] == ["position", "velocity"]
+    assert [*load(bag, velocity=None).signals()] == ["position", "torque"]
+
+
 @pytest.mark.parametrize("lag", [0, 2_000_000])
 def test_joints_in_separate_messages_are_merged(made, tmp_path, lag):
     """Joint states of two drivers on one topic, the second's at the same stamps or 2 ms later."""
