@@ -54,9 +54,13 @@ def load_recording(
     if isinstance(files, Files):
         paths = files.signals(settings.effort).items()
         sources = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
-    found = merge([_read(path, settings, joints, only) for only, path in sources])
+    headed: dict[str, str] = {}
+    found = merge([_read(path, settings, joints, only, headed) for only, path in sources])
     corrupt, remarks = tuple(found.corrupt), tuple(found.remarks)
-    raw = Recording(name, joints.own, found.time, corrupt=corrupt, remarks=remarks, **found.signals)
+    units = settings.units.with_stated(headed)
+    raw = Recording(
+        name, joints.own, found.time, corrupt=corrupt, remarks=remarks, units=units, **found.signals
+    )
     read = unwrap(raw, joints.slides)
     if settings.coupling:
         matrix = settings.motion_matrix(joint_names)
@@ -77,8 +81,13 @@ def files_of(path: Path) -> list[Path]:
     return dataset_files(path) if is_dataset(path) else bag_files(path)
 
 
-def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> ClockedSignals:
-    """All signals of a file, or only one, without corrupt rows; signals with their own clocks are merged."""
+def _read(
+    path: Path, settings: RecordingSettings, joints: Joints, only: str | None, headed: dict[str, str]
+) -> ClockedSignals:
+    """All signals of a file, or only one, without corrupt rows; signals with their own clocks are merged.
+
+    To ``headed`` are added the units of time, angle and length in its headings.
+    """
     with reading(path, "recording", RecordingError):
         if not path.exists():
             raise RecordingError(f"there is no recording {path}")
@@ -98,6 +107,9 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
                 remarks = [*odd, *remarks]
             else:
                 signals[name], units = _in_si(path.name, table, name, columns, settings.units, joints)
+            if name in ("time", "position"):
+                kinds = ["length" if slides else "angle" for slides in joints.slides]
+                headed |= {k: unit for k, unit in zip(["time"] if name == "time" else kinds, units) if unit}
             stated += [f"{name} in {unit}" for unit in dict.fromkeys(units) if unit]
             table.forget({*columns} - {c for other in where.keys() - signals.keys() for c in where[other]})
     if len({len(x) for x in signals.values()}) > 1:

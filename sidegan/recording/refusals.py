@@ -50,7 +50,9 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
     limit = _limit(arm)
     far = turning & (reach > thresholds.FAR_ANGLE * limit) & (reach > thresholds.ANY_ANGLE)
     most = np.maximum(limit, thresholds.ANY_ANGLE)[turning]
-    if units.angle != "deg" and far.any() and (reach[turning] / DEGREES <= most).all():
+    if units.angle in (None, "rad") and far.any() and (reach[turning] / DEGREES <= most).all():
+        if units.position is not None:
+            return f"{_reaches(position, arm, far)}: is recording.units.position right?"
         degrees = suggestion("recording.units.angle", "deg")
         motors = suggestion("recording.units.position", {"per_turn": [FILL_IN]})
         return (
@@ -58,7 +60,8 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
             f"gears? ({motors}, 2π times each joint's ratio)"
         )
     span = (position.upper - position.lower)[turning]
-    if units.angle == "deg" and len(span) and 0 < span.max() < thresholds.LEAST_ANGLE:
+    slow = 0 < span.max(initial=0.0) < thresholds.LEAST_ANGLE
+    if units.angle == "deg" and units.position is None and slow:
         turned = f"{span.max() * DEGREES:.3g}°"
         radians = suggestion("recording.units.angle", "rad")
         return f"no joint turns more than {turned}: are these radians? ({radians})"
@@ -72,7 +75,9 @@ def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
     limit = _limit(arm)
     far = sliding & (reach > thresholds.FAR_LENGTH * limit)
     as_millimetres = MILLIMETRES * limit * thresholds.FAR_ANGLE
-    if units.length != "mm" and far.any() and (reach[far] <= as_millimetres[far]).all():
+    if units.position is not None:
+        return None
+    if units.length in (None, "m") and far.any() and (reach[far] <= as_millimetres[far]).all():
         millimetres = suggestion("recording.units.length", "mm")
         return f"{_reaches(position, arm, far)}: are these millimetres? ({millimetres})"
     span, whole = position.upper - position.lower, arm.position_upper - arm.position_lower

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal
 
@@ -73,8 +73,8 @@ class Counts:
         for name, values in vars(self).items():
             if isinstance(values, list) and len(values) != len(slides):
                 raise RecordingError(
-                    f"recording.units.position.{name} has {counted(len(values), 'value')}, "
-                    f"the arm has {len(slides)}"
+                    f"recording.units.position.{name} has {counted(len(values), 'value')}, the arm has "
+                    f"{counted(len(slides), 'joint')}"
                 )
         turns = (counts - np.asarray(self.zero)) / np.asarray(self.per_turn)
         return turns * np.where(slides, 1.0, _TURN)
@@ -93,6 +93,11 @@ class Units:
     torque: Literal["N·m", "Nm", "mNm"] | None = None
     current: Literal["A", "mA"] | None = None
     position: Counts | None = None  # null: positions are in ``angle`` and ``length``
+
+    def with_stated(self, stated: Mapping[str, str]) -> "Units":
+        """These units with those that headings state, by kind: ``{"angle": "deg"}``."""
+        known = {kind: _letters(unit) for kind, unit in stated.items() if _letters(unit) in _UNITS[kind]}
+        return replace(self, **known)  # type: ignore[arg-type]
 
     def setting(self, factor: Array, zero: Array, slides: Array) -> str:
         """The setting that makes positions ``factor`` times what they are now, plus ``zero``, (J,) each."""
