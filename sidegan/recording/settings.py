@@ -66,6 +66,9 @@ class RecordingSettings:
                     f"{signal} is {pattern!r}, expected only {{joint}}, {{index}} and {{index0}} in braces"
                 )
 
+        if self.joints is not None and len(set(self.joints)) < len(self.joints):
+            raise ConfigError(f"joints is {self.joints}, expected each name once")
+
     def patterns(self, signal: str) -> list[str]:
         """Patterns of a signal's columns, to be tried in turn; none if it is not to be read."""
         return [*filter(None, (getattr(self, signal) or "").split("|"))]

@@ -19,6 +19,7 @@ from tests.refusals import refused
 SETTINGS = [
     ("units.angle", {"units": {"angle": "turn"}}),
     ("position", {"position": None}),
+    ("joints", {"joints": ["a", "b", "a"]}),
     *((text, {"position": text}) for text in ("q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}")),
     *((name, {name: -1.0}) for name in ("cutoff", "still")),
     *(("cutoff", {"cutoff": 0}), ("gap", {"gap": 1e300})),
