@@ -105,11 +105,12 @@ class Finder:
             else:
                 self._refuse_missing(signal)
         remarks = []
-        if AUTO in self.settings.patterns("torque") and any(map(is_commanded, where.get("torque", ()))):
-            remarks.append(
-                f"torques are commanded ones, {listed(where['torque'])}, since none are measured: they lack "
-                "what the drives' controllers add"
-            )
+        for load in sorted(self.loads & {*where}):
+            if AUTO in self.settings.patterns(load) and any(map(is_commanded, where[load])):
+                remarks.append(
+                    f"{load}s are commanded ones, {listed(where[load])}, since none are measured: they lack "
+                    "what the drives' controllers add"
+                )
         if not self.only and self.loads and not {"torque", "current"} & {*where}:
             like = "no column like 'tau{index}' or 'effort.{joint}'"
             raise RecordingError(

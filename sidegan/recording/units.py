@@ -45,6 +45,7 @@ _EXAMPLES = {  # for people
     "angle": "rad, mrad, deg, gon, rev",
     "length": "m, cm, mm, in, ft",
     "torque": "N·m, mNm, N·cm, kN·m, kgf·m, lbf·ft, lbf·in, oz·in",
+    "force": "N, mN, kN, kgf, lbf",
     "current": "A, mA",
 }
 _WORDS = {*_FORCES, *(word for words in _UNITS.values() for word in words)}
@@ -125,7 +126,7 @@ class Units:
             known = known | {"mm": 1e-3} | (_FORCES if slides else {})  # the end of N·mm
         unit, factor = _stated(heading, known)
         if kind != "time":
-            _refuse_other(file, signal, kind, heading, unit)
+            _refuse_other(file, signal, "force" if slides and kind == "torque" else kind, heading, unit)
         return "" if factor == 1 else unit, factor
 
 
@@ -133,7 +134,9 @@ def _refuse_other(file: str, signal: str, kind: str, heading: str, unit: str) ->
     """Refuse a heading in which another unit than the signal's stands, such as per cent."""
     examples = _EXAMPLES[kind]
     si = examples.partition(",")[0]
-    already = f"if it is in {si} already: {suggestion(f'recording.units.{kind}', si)}"
+    setting = "torque" if kind == "force" else kind
+    as_set = suggestion(f"recording.units.{setting}", _EXAMPLES[setting].partition(",")[0])
+    already = f"if it is in {si} already: {as_set}"
     if _RATED.search(heading.lower()):
         raise RecordingError(
             f"{file}: {heading!r} is a share of a rated value, which is unknown: convert the column to {si} "

@@ -107,6 +107,11 @@ def test_headings_state_units_and_other_things(signal, headings, factor):
         assert found == pytest.approx(factor, rel=1e-9) and bool(unit) == (factor != 1), heading
 
 
+def test_a_force_in_volts_is_refused_with_units_of_force():
+    with refused(RecordingError, "'V'", "to N and", "kgf", "'recording.units.torque=\"N·m\"'"):
+        Units().of("a.csv", "torque", True, "tau1 [V]")
+
+
 @pytest.mark.parametrize("headings", [("q1", "q2"), ("q1_deg", "q2_mm"), ("J1 Pos (deg)", "J2 Pos (mm)")])
 def test_degrees_apply_to_revolute_and_millimetres_to_prismatic_joints(made, tmp_path, headings):
     q = made.position * [180 / np.pi, 1e3]

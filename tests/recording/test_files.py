@@ -116,12 +116,14 @@ def test_arrays_are_read(made, tmp_path, write):
     assert not found.remarks and not found.corrupt
 
 
-def test_commanded_torques_are_read_if_none_are_measured(made, tmp_path):
-    named_in_units = {"q_rad": made.position, "qd_rad_s": made.velocity, "tau_cmd_Nm": made.torque}
+@pytest.mark.parametrize(("name", "load_of"), [("tau_cmd_Nm", "torque"), ("i_cmd_A", "current")])
+def test_commanded_torques_are_read_if_none_are_measured(made, tmp_path, name, load_of):
+    named_in_units = {"q_rad": made.position, "qd_rad_s": made.velocity, name: made.torque}
     np.savez(tmp_path / "a.npz", t_s=made.time, **named_in_units)
     found = load(tmp_path / "a.npz")
-    assert_same(found, made, made.signals())
-    assert "tau_cmd_Nm" in found.remarks[0]
+    assert_same(found, made, ("position", "velocity"))
+    np.testing.assert_allclose(getattr(found, load_of), made.torque)
+    assert load_of in found.remarks[0] and name in found.remarks[0]
 
 
 def echo(made, path, signals=("position", "velocity", "torque")):
