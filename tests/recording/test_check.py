@@ -16,7 +16,7 @@ from sidegan.recording.agreement import to_reverse
 from sidegan.recording.checked import hold_out
 from sidegan.recording.clock import stamp_text
 from sidegan.recording.delay import Delay, delay_of, pool_delays
-from sidegan.recording.gravity import load_of
+from sidegan.recording.gravity import fit_gravity
 from sidegan.recording.read import read_and_check
 from sidegan.recording.recording import Recording
 from sidegan.robot import Limits, Setup, load_robot
@@ -232,7 +232,7 @@ def test_gravity_and_torque_scales_are_recovered_in_any_unit(arm, seed):
     share[1] = 0.3  # of a joint that is to count less
     noise = share * torque.std(0) * random.standard_normal(torque.shape)
     units = 10 ** (4 * random.random(arm.joints) - 2)
-    found = load_of(RigidBody(arm), q, v, a, units * (torque + noise))
+    found = fit_gravity(RigidBody(arm), q, v, a, units * (torque + noise))
     angle = math.acos(min(1.0, float(found.gravity @ gravity / np.linalg.norm(gravity) ** 2)))
     assert angle < 3e-4 and np.linalg.norm(found.gravity) == pytest.approx(np.linalg.norm(gravity))
     assert (np.abs(found.scale / units - 1) < share).all()
@@ -240,7 +240,7 @@ def test_gravity_and_torque_scales_are_recovered_in_any_unit(arm, seed):
 
 def test_torques_to_the_last_digit_as_described_have_the_described_gravity():
     motion, body = states(np.arange(60) / 50), RigidBody(PLANAR)
-    np.testing.assert_array_equal(load_of(body, *motion, body.torque(*motion)).gravity, PLANAR.gravity)
+    np.testing.assert_array_equal(fit_gravity(body, *motion, body.torque(*motion)).gravity, PLANAR.gravity)
 
 
 def test_a_load_that_is_to_be_identified_is_no_contradiction(planar, recording, tmp_path):
