@@ -81,9 +81,10 @@ def slower(trajectory: Trajectory, c: Array, speed: float) -> tuple[Trajectory, 
 
 
 def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course:
-    """All courses in sequence, at rest for a pause [s] in between, with points at a rate [Hz].
+    """One or more courses in sequence, at rest for a pause [s] in between.
 
-    Each starts where the last one ends; their common point occurs once.
+    Each starts where the last one ends; their common point occurs once. A pause has points at a
+    ``rate`` [Hz], or only one at its end.
 
     Raises:
         ShapeError: when a course has different joints, or starts elsewhere.

@@ -44,9 +44,9 @@ def load_recording(
     """A recording of an arm's joints, from one file or from a file per signal.
 
     Files are CSV (first line: column names), Parquet, JSON, NPZ, HDF5, MATLAB, ROS 2 bags (folder, .db3,
-    .mcap) or LeRobot datasets (folder). ``chain`` names the arm's joints and those locked between them, from
-    the base outwards, and says which are prismatic; None: none of either. Positions of the others are
-    unwrapped where they jump by a turn. Rows at rest with the drives off are removed.
+    .mcap) or LeRobot datasets (folder). ``chain`` says of the arm's joints and of those locked between them,
+    from the base outwards, whether each is prismatic; None: no joint is locked or prismatic. Positions of
+    revolute joints are unwrapped where they jump by a turn. Rows at rest with the drives off are removed.
     """
     name = recording_name(files)
     joints = Joints.of(name, settings, joint_names, chain or {})

@@ -122,14 +122,14 @@ def _reaches(position: Signal, arm: Arm, far: Array) -> str:
 def refuse_idle(statistics: Statistics, arm: Arm, without: Sequence[str]) -> None:
     """Refuse a recording without motion or torque, or with constant rates of moving joints.
 
-    ``without`` is that setting, which messages add to.
+    ``without`` are the joints that ``recording.without`` has already, to which messages add others.
     """
     file, signals = statistics.name, statistics.signals
     span = signals["position"].upper - signals["position"].lower
     if (span < thresholds.MOVED).all():
         raise RecordingError(
             f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; identification needs "
-            "motions through a good part of the arm's range: +experiment=excite"
+            "motions through a good part of the arm's range, such as excite designs"
         )
     name = statistics.load
     signal = signals[name]

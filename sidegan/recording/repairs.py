@@ -34,7 +34,7 @@ def unwrap(recording: Recording, slides: Sequence[bool]) -> Recording:
             found.append(name)
     if not found:
         return recording
-    remark = f"positions of {listed(found)} jump by whole turns: unwrapped, so that they continue beyond ±π"
+    remark = f"positions of {listed(found)} jump by whole turns: unwrapped, so that they go on beyond a turn"
     return replace(recording, position=position, remarks=(*recording.remarks, remark))
 
 

@@ -70,7 +70,7 @@ NOTABLE_DELAY = 0.02  # [s] from which there is a warning; a single fit is accur
 LEAST_DELAY = 2e-3  # [s] that is worth removing: stiction looks like smaller ones
 SAME_DELAY = 3e-3  # [s] between delays of one arm, part of which may be stiction
 CERTAIN_DELAY = 3.0  # σ from zero
-EXPLAINED_BY_DELAY = 0.5  # of the residual at a long delay
+EXPLAINED_BY_DELAY = 0.5  # what a long delay leaves of the squared residual without one
 
 # Torques and the description: shares of variance left, ratios and correlations, joint by joint.
 CORRELATED, CLEARLY_CORRELATED = 0.4, 0.9  # with the described torque: a sign shows, and a scale
