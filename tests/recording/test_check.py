@@ -253,6 +253,18 @@ def test_a_load_that_is_to_be_identified_is_no_contradiction(planar, recording, 
     assert not any("times those expected" in warning for warning in loaded.warnings)
 
 
+def test_a_delay_of_all_recordings_is_warned_about_once(planar, tmp_path):
+    files = []
+    for seed in (1, 2):
+        made = moved(planar, np.arange(3000) / 100, 2.0, 1.0, np.random.default_rng(seed))
+        late = replace(made, torque=np.roll(made.torque, 3, 0))
+        frame(late).to_csv(tmp_path / f"{seed}.csv", index=False)
+        files.append((str(tmp_path / f"{seed}.csv"), "training"))
+    first, second = read_and_check(files, planar, of_file())
+    assert first.late and first.late == second.late and first.warnings == second.warnings
+    assert not any("later" in text for checked in (first, second) for text in checked.statements)
+
+
 @pytest.mark.parametrize(("set_before", "advised"), [("elbow", "[shoulder, elbow]"), ("shoulder", "[]")])
 def test_advice_to_reverse_a_torque_adds_to_what_is_set_or_takes_it_back(planar, set_before, advised):
     assert advised in to_reverse(planar, np.array([True, False]), [set_before])
