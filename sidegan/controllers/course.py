@@ -20,7 +20,7 @@ from sidegan.validity import Constraints
 from sidegan.validity.check import require_straight
 
 # Points per period of the highest harmonic. Quintic interpolation of position, velocity and acceleration then
-# deviates by 3e-8 of the harmonic's amplitude, (2π/20)⁶ / 46080, and linear interpolation by 1.3 %,
+# deviates by 2e-8 of the harmonic's amplitude, (2π/20)⁶ / 46080, and linear interpolation by 1.2 %,
 # (2π/20)² / 8.
 POINTS = 20
 

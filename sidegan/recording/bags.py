@@ -59,7 +59,7 @@ def bag_table(
             (at, reader.deserialize(raw, _KIND)) for _, at, raw in reader.messages(connections)
         ]
     groups = _groups(path, messages, names)
-    firsts = [next(m for _, m in some if {*own} <= {*m.name}) for own, some in groups.items()]
+    firsts = [next(m for _, m in x if {*own} <= {*m.name}) for own, x in groups.items()]
     fields = [x for x in _FIELDS if all(len(getattr(m, x)) == len(m.name) for m in firsts)]
     if "position" not in fields:
         raise RecordingError(f"{path.name}: its joint states have no positions")
@@ -113,10 +113,10 @@ def _groups(path: Path, messages: Sequence[_Stamped], names: Sequence[str]) -> _
 
 
 def _signals_of(
-    path: Path, own: tuple[str, ...], some: Sequence[_Stamped], fields: Sequence[str], complete: bool
+    path: Path, own: tuple[str, ...], messages: Sequence[_Stamped], fields: Sequence[str], complete: bool
 ) -> ClockedSignals:
     """Signals of these joints, a column each; ``complete``: only of messages with a number for each."""
-    rows = np.array([_row(message, at, own, fields) for at, message in some])
+    rows = np.array([_row(message, at, own, fields) for at, message in messages])
     rows = rows[np.isfinite(rows).all(1)] if complete else rows
     if not len(rows):
         raise RecordingError(f"{path.name}: no message of {listed(own)} has a number for each joint")
