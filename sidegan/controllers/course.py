@@ -20,7 +20,7 @@ from sidegan.validity import Constraints
 from sidegan.validity.check import require_straight
 
 # Points per period of the highest harmonic. Quintic interpolation of position, velocity and acceleration then
-# deviates by 3e-8 of the harmonic's amplitude, (2π/20)⁶ / 46080, and linear interpolation by 1.3 %,
+# deviates by 2e-8 of the harmonic's amplitude, (2π/20)⁶ / 46080, and linear interpolation by 1.2 %,
 # (2π/20)² / 8.
 POINTS = 20
 
@@ -81,9 +81,10 @@ def slower(trajectory: Trajectory, c: Array, speed: float) -> tuple[Trajectory, 
 
 
 def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course:
-    """All courses in sequence, at rest for a pause [s] in between, with points at a rate [Hz].
+    """One or more courses in sequence, at rest for a pause [s] in between.
 
-    Each starts where the last one ends; their common point occurs once.
+    Each starts where the last one ends; their common point occurs once. A pause has points at a
+    ``rate`` [Hz], or only one at its end.
 
     Raises:
         ShapeError: when a course has different joints, or starts elsewhere.
@@ -91,8 +92,10 @@ def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course
     waiting = np.linspace(0, pause, max(1, round(pause * rate)) + 1)[1:] if pause else np.empty(0)
 
     def join(one: Course, other: Course) -> Course:
+        if other.joint_names != one.joint_names:
+            raise ShapeError(f"courses of {one.joint_names} and {other.joint_names} cannot be joined")
         apart = float(np.abs(one.position[-1] - other.position[0]).max())
-        if other.joint_names != one.joint_names or apart > _MET:
+        if apart > _MET:
             raise ShapeError(f"consecutive courses must meet: their ends are {apart:.3g} rad or m apart")
         end = one.time[-1]
         still = np.zeros((len(waiting), len(other.joint_names)))
@@ -140,12 +143,12 @@ def approach(
     samples = max(POINTS, math.ceil(planned * settings.rate * (1 - _ROUNDING)))
     duration = samples / settings.rate
     if duration > settings.longest:
+        slowest = arm.joint_names[int(needed.argmax())]
         raise InfeasibleError(
-            f"the path from controllers.start to home takes {duration:.0f} s with {use:.0%} of the limits of "
-            f"{arm.joint_names[int(needed.argmax())]}, at {settings.speed:.0%} of the speed; "
+            f"the path from controllers.start to home takes {duration:.0f} s with {100 * use:.3g}% of the "
+            f"limits of {slowest}, at {100 * settings.speed:.3g}% of the speed; "
             f"{suggestion('controllers.longest', math.ceil(duration))} allows that, "
-            f"{suggestion('controllers.careful', FILL_IN)} sets the share; "
-            f"or {_CLOSER}"
+            f"{suggestion('controllers.careful', FILL_IN)} sets the share; or {_CLOSER}"
         )
     return _quintic(arm, ends, duration, np.linspace(0, 1, _POINTS + 1))
 
@@ -156,29 +159,30 @@ def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
     The torque for moving in 1 s is divided by the square of the duration; that for holding stays the same.
 
     Raises:
-        InfeasibleError: when holding the arm leaves no torque to move it, for any duration.
+        InfeasibleError: when holding the arm and friction leave no torque to move it, for any duration.
     """
     arm = body.arm
     drives = body.arm.known_drives
     friction = drives.coulomb + use * drives.viscous * arm.velocity_limit  # at the highest allowed speed
-    limit = np.maximum(arm.torque_limit - friction, np.finfo(float).tiny)
+    left = arm.torque_limit - friction
 
     def share(times: Array) -> Array:
         unit = _quintic(arm, ends, 1.0, times)
         still = np.zeros_like(unit.position)
         held = body.torque(unit.position, still, still)
-        with np.errstate(over="ignore"):  # if friction uses a whole limit
-            used = np.abs(held) / limit
+        used = (np.abs(held) + friction) / arm.torque_limit
         row, joint = divmod(int(used.argmax()), arm.joints)
         if used[row, joint] > _HOLDABLE:
+            name, careful = arm.joint_names[joint], suggestion("controllers.careful", FILL_IN)
+            less = f"{careful} below {use:g} for less friction, " if drives.viscous[joint] else ""
             raise InfeasibleError(
-                f"the straight path needs too much torque at any speed and controllers.careful: "
-                f"{arm.joint_names[joint]} needs {float(used[row, joint]):.1%} of its limit just to hold the "
-                f"arm; allow more by {suggestion('robot.effort', FILL_IN)}, or {_CLOSER}"
+                f"the straight path needs too much torque: holding the arm, and friction at {use:g} of the "
+                f"velocity limit, take {float(used[row, joint]):.1%} of the limit of {name}; "
+                f"allow more by {suggestion('robot.effort', FILL_IN)}, {less}or {_CLOSER}"
             )
         moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
         moving = moving + drives.rotor_inertia * unit.acceleration
-        return np.abs(moving) / np.minimum(use * limit, limit - held * np.sign(moving))
+        return np.abs(moving) / np.minimum(use * left, left - held * np.sign(moving))
 
     count = max(_TIMES, math.ceil(float(np.abs(ends[1] - ends[0]).sum()) / _STEP))
     return np.sqrt(_largest(share, count))

@@ -28,6 +28,7 @@ from sidegan.identification.payload import with_load
 from sidegan.identification.sums import Sums
 from sidegan.identification.verdict import USABLE, Finding
 from sidegan.recording.checked import CheckedRecording
+from sidegan.recording.clock import stamp_text
 
 _STRETCHES, _FINER = 12, 4  # equal parts of a recording between which a load is sought, and parts of each
 _LEAST_SAMPLES = 5  # in the smallest part
@@ -162,11 +163,16 @@ def _held_load(misfit: Misfit, recording: CheckedRecording) -> str:
     if mass < 0 and (begin == 0 or end == last):  # the rest of the recording is without it
         begin, end, mass = (end, last, -mass) if begin == 0 else (0, begin, -mass)
     return (
-        f"from {time[cuts[begin]]:.3g} s to {time[cuts[end] - 1]:.3g} s of {recording.name} torques fit with "
+        f"{_rows(recording.name, time[cuts[begin]], time[cuts[end] - 1])} torques fit with "
         f"{mass:+.2g} ± {deviation:.1g} kg on {misfit.arm.link_names[-1]}: was something held? cut these "
         "rows, or put them in another file: +experiment=payload 'recordings=[rest.csv]' "
         "'loaded=[held.csv]' identifies the load"
     )
+
+
+def _rows(name: str, begin: float, end: float) -> str:
+    """Words on a part of a recording, by its time stamps [s] to the hundredth."""
+    return f"from {stamp_text(round(begin, 2))} to {stamp_text(round(end, 2))} of {name}"
 
 
 def contacts_and_drifts(misfit: Misfit) -> list[Finding]:
@@ -181,7 +187,7 @@ def contacts_and_drifts(misfit: Misfit) -> list[Finding]:
         begin, end, sizes, far = _contact(time, velocity, torque, left)
         if far.any():
             texts.append(
-                f"from {begin:.3g} s to {end:.3g} s of {recording.name} the residual of {arm.named(far)} is "
+                f"{_rows(recording.name, begin, end)} the residual of {arm.named(far)} is "
                 f"{sizes[far].max():.2g} times that of the rest: did the arm touch something? cut these rows"
             )
         changes = _drift(time, position, left)

@@ -51,7 +51,7 @@ def odd_scale(misfit: Misfit) -> list[Finding]:
     scale = free / shared
     deviation = np.sqrt(chosen.inflation / free) * np.square(scale)
     off = np.abs(scale - 1)
-    as_described = np.abs(scale - agreement.load.scale) < thresholds.ODD_SCALE
+    as_described = np.abs(scale - agreement.fit.scale) < thresholds.ODD_SCALE
     as_described &= agreement.sign > thresholds.AS_DESCRIBED
     odd = off > np.maximum(thresholds.ODD_SCALE_CERTAIN * deviation, thresholds.ODD_SCALE)
     odd &= as_described

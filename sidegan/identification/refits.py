@@ -80,7 +80,7 @@ def other_gravity(misfit: Misfit, agreement: Agreement) -> list[Finding]:
     text = agreement.gravity(misfit.arm)
     if text is None:
         return []
-    turned = RigidBody(replace(misfit.arm, gravity=agreement.load.gravity))
+    turned = RigidBody(replace(misfit.arm, gravity=agreement.fit.gravity))
     error = misfit.error(TorqueModel(turned, misfit.model.terms))
     return [Finding(BAD, f"{text}; {misfit.instead(error)}")] if error <= misfit.nmse else []
 
@@ -91,7 +91,7 @@ def tilted_base(misfit: Misfit) -> list[Finding]:
     if gravity is None:
         return []
     agreement = misfit.agreement
-    return other_gravity(misfit, agreement._replace(load=agreement.load._replace(gravity=gravity)))
+    return other_gravity(misfit, agreement._replace(fit=agreement.fit._replace(gravity=gravity)))
 
 
 def rotor_inertias(misfit: Misfit) -> list[Finding]:

@@ -25,22 +25,26 @@ _AT_THE_LIMIT = 0.999  # of the torque limit
 
 
 class Executed(NamedTuple):
-    """Recorded signals: time (T,) [s]; position, velocity, torque (T, J) [rad or m, per s, N·m or N]."""
+    """Recorded signals of an executed motion."""
 
-    time: Array
-    position: Array
-    velocity: Array
-    torque: Array
+    time: Array  # [s], (T,)
+    position: Array  # [rad or m], (T, J)
+    velocity: Array  # [rad/s or m/s], (T, J)
+    torque: Array  # [N·m or N], (T, J)
 
 
 def save_recording(executed: Executed, joint_names: Sequence[str], path: Path) -> None:
     """Write a recording as Parquet: ``time`` [s], then ``q_<joint>``, ``dq_``, ``tau_`` in SI units.
 
     Raises:
+        ShapeError: when there is not a name for each joint.
         StorageError: when the file cannot be written.
     """
     import pyarrow as pa
 
+    joints = executed.position.shape[1]
+    if len(joint_names) != joints:
+        raise ShapeError(f"joint_names are {[*joint_names]}, expected a name for each of {joints} joints")
     columns = {"time": executed.time}
     for letter, values in zip(("q", "dq", "tau"), executed[1:]):
         columns |= {f"{letter}_{name}": values[:, i] for i, name in enumerate(joint_names)}

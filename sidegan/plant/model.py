@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.names import counted
 from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import ConfigError, RobotError
 from sidegan.robot import Arm, require_consistent
@@ -44,9 +45,8 @@ class PlantSettings:
         """
         values = getattr(self, name)
         if len(values) not in (1, joints):
-            raise ConfigError(
-                f"plant.{name} has {len(values)} values, expected {joints} (one per joint) or one"
-            )
+            has = counted(len(values), "value")
+            raise ConfigError(f"plant.{name} has {has}, expected one, or one for each of {joints} joints")
         return np.full(joints, values, float)
 
 

@@ -86,9 +86,9 @@ def torque_scale(body: RigidBody, floor: float) -> Array:
     arm = body.arm
     random = np.random.default_rng(0)
     speed = arm.velocity_limit / 2
-    most = arm.velocity_limit
+    most = arm.velocity_limit  # acceleration of a joint without a limit: to its top speed in a second
     size = (_STATES, arm.joints)
-    if (limit := arm.acceleration_limit) is not None:  # infinite for a joint without one
+    if (limit := arm.acceleration_limit) is not None:
         most = np.where(np.isfinite(limit), limit, most)
     q = random.uniform(arm.position_lower, arm.position_upper, size)
     dq = random.uniform(-speed, speed, size)

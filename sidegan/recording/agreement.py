@@ -14,7 +14,7 @@ from sidegan.base.settings_text import setting_name, suggest_fields, suggestion
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import thresholds
 from sidegan.recording.coordinates import Map, positions_behind
-from sidegan.recording.gravity import Load, load_of
+from sidegan.recording.gravity import GravityFit, fit_gravity
 from sidegan.recording.misfit import (
     friction_basis,
     halves_of,
@@ -43,7 +43,7 @@ _RATED = {"per cent": 100.0, "per mille": 1000.0, "shares": 1.0}  # units of a j
 class Agreement(NamedTuple):
     """Agreement of the measured torque with the arm's description."""
 
-    load: Load  # gravity and scales that explain the torques best
+    fit: GravityFit  # gravity and scales that explain the torques best
     order: Array  # joint whose described torque fits each measured one, (J,): itself, unless swapped
     positions: Map | None  # what recorded positions are, if others explain the torques far better
     columns: list[int] | None  # joint's column, in the arm's order, if all signals have another joint order
@@ -61,18 +61,18 @@ class Agreement(NamedTuple):
 
         Near −1 the torque has the opposite sign; near 0 the motion does not determine the sign.
         """
-        return self.load.correlation
+        return self.fit.correlation
 
     @property
     def heavier(self) -> float:
         """Median ratio of measured to described torque over joints with a clear sign; 1 if there are none."""
-        clear = np.abs(self.load.scale[np.abs(self.sign) > thresholds.CORRELATED])
+        clear = np.abs(self.fit.scale[np.abs(self.sign) > thresholds.CORRELATED])
         return float(np.median(clear)) if len(clear) else 1.0
 
     @property
     def rescaled(self) -> Array:
         """Joints whose torques are clearly in another unit, or those of other masses, (J,)."""
-        scale = self.load.scale
+        scale = self.fit.scale
         odd = (scale > thresholds.OTHER_UNIT) | (scale < 1 / thresholds.OTHER_UNIT)
         return (self.sign > thresholds.CLEARLY_CORRELATED) & odd
 
@@ -83,7 +83,7 @@ class Agreement(NamedTuple):
         if known.sum() < thresholds.FEW_JOINTS or limits.max() < thresholds.OTHER_UNIT * limits.min():
             return None
         for name, whole in _RATED.items():
-            if (np.abs(np.log(self.load.scale[known] * limits / whole)) < thresholds.SCALE_OF_LIMITS).all():
+            if (np.abs(np.log(self.fit.scale[known] * limits / whole)) < thresholds.SCALE_OF_LIMITS).all():
                 gains = suggestion("robot.gains", (arm.torque_limit / whole).tolist(), ".4g")
                 return (
                     f"the torques look like {name} of each joint's limit; to read them as such: {gains} "
@@ -94,7 +94,7 @@ class Agreement(NamedTuple):
     def doubts(self, arm: Arm) -> list[str]:
         """Warnings about contradictions between description and torques, other than gravity."""
         found = []
-        scale, rescaled = self.load.scale, self.rescaled
+        scale, rescaled = self.fit.scale, self.rescaled
         if self.pace != 1:
             found.append(
                 f"with a motion {self.pace:.2g} times as fast the torques fit the description far better: "
@@ -120,14 +120,14 @@ class Agreement(NamedTuple):
 
     def gravity(self, arm: Arm) -> str | None:
         """Warning about the gravity in these torques; None if it matches the description's."""
-        if np.array_equal(self.load.gravity, arm.gravity):
+        if np.array_equal(self.fit.gravity, arm.gravity):
             return None
-        if not self.load.gravity.any():
+        if not self.fit.gravity.any():
             return (
                 "these torques contain no gravity, although the description's links have mass: a driver that "
                 "compensates gravity may leave it out; record the total torque, or add that of gravity"
             )
-        found = straightened(in_base(arm, self.load.gravity))
+        found = straightened(in_base(arm, self.fit.gravity))
         described = straightened(in_base(arm, arm.gravity))
         mount = [round(x, 3) + 0.0 for x in mount_of(None, found.tolist())]
         return (
@@ -151,7 +151,7 @@ class Agreement(NamedTuple):
         return np.ones_like(found) if self.convention and found.any() else found
 
     def reversed(self, arm: Arm, driven: bool = False) -> str | None:
-        """Warning about these joints."""
+        """Warning about joints with a reversed torque; None if there are none. See ``runs_against``."""
         against = self.runs_against(driven)
         if not against.any():
             return None
@@ -208,15 +208,15 @@ def agreement_of(body: RigidBody, segments: list[Segment], settings: RecordingSe
     """Agreement of segments, read with these settings, with an arm's description."""
     stride = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
     q, v, a, torque = [np.concatenate([x[::stride] for x in signal]) for signal in [*zip(*segments)][1:5]]
-    load = load_of(body, q, v, a, torque)
+    fit = fit_gravity(body, q, v, a, torque)
     model = body.torque(q, v, a)
-    positions = positions_behind(body, load.misfit, settings, q, v, a, torque)
+    positions = positions_behind(body, fit.misfit, settings, q, v, a, torque)
     found = Agreement(
-        load=load,
+        fit=fit,
         order=_order(model, v, a, torque),
         positions=positions,
         settings=settings,
-        columns=_columns(body, positions, q, v, a, torque) if load.misfit > thresholds.LEFT_BY_MAP else None,
+        columns=_columns(body, positions, q, v, a, torque) if fit.misfit > thresholds.LEFT_BY_MAP else None,
         moved=np.ptp(q, 0),
         friction=_dissipated(model, v, a, torque),
         usual=np.quantile(np.abs(torque), thresholds.USUAL_TORQUE, 0),

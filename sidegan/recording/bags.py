@@ -59,11 +59,11 @@ def bag_table(
             (at, reader.deserialize(raw, _KIND)) for _, at, raw in reader.messages(connections)
         ]
     groups = _groups(path, messages, names)
-    firsts = [next(m for _, m in some if {*own} <= {*m.name}) for own, some in groups.items()]
+    firsts = [next(m for _, m in x if {*own} <= {*m.name}) for own, x in groups.items()]
     fields = [x for x in _FIELDS if all(len(getattr(m, x)) == len(m.name) for m in firsts)]
     if "position" not in fields:
         raise RecordingError(f"{path.name}: its joint states have no positions")
-    whole = merge([_signals_of(own, some, fields, len(groups) > 1) for own, some in groups.items()])
+    whole = merge([_signals_of(path, own, x, fields, len(groups) > 1) for own, x in groups.items()])
     found = {"time": whole.time}
     for field in fields:
         found[field] = np.concatenate([whole.signals[f"{field} {name}"] for name in names], 1)
@@ -113,16 +113,16 @@ def _groups(path: Path, messages: Sequence[_Stamped], names: Sequence[str]) -> _
 
 
 def _signals_of(
-    own: tuple[str, ...], some: Sequence[_Stamped], fields: Sequence[str], complete: bool
+    path: Path, own: tuple[str, ...], messages: Sequence[_Stamped], fields: Sequence[str], complete: bool
 ) -> ClockedSignals:
     """Signals of these joints, a column each; ``complete``: only of messages with a number for each."""
-    rows = np.array([_row(message, at, own, fields) for at, message in some])
+    rows = np.array([_row(message, at, own, fields) for at, message in messages])
     rows = rows[np.isfinite(rows).all(1)] if complete else rows
     if not len(rows):
-        raise RecordingError(f"no message of {listed(own)} has a number for each joint")
+        raise RecordingError(f"{path.name}: no message of {listed(own)} has a number for each joint")
     columns = [f"{field} {name}" for field in fields for name in own]
     signals = dict(zip(columns, rows.T[1:, :, None]))
-    return ClockedSignals(f"the messages of {listed(own)}", True, rows[:, 0], signals, [], [])
+    return ClockedSignals(f"the messages of {listed(own)} in {path.name}", True, rows[:, 0], signals, [], [])
 
 
 def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float]:

@@ -35,6 +35,7 @@ def check_recording(
 
     ``known`` is the torque delay determined from several recordings; see ``preprocess`` for the others.
     """
+    settings = replace(settings, units=recording.units or settings.units)
     recording = remove_glitches(recording, arm.velocity_limit)
     statistics = statistics_of(recording, settings)
     body = RigidBody(arm)

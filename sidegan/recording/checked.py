@@ -31,7 +31,7 @@ class CheckedRecording:
     faults: list[str]  # the warnings about saturated or frozen torques
     remarks: dict[str, str]  # the warnings about unused, contradictory signals, by signal
     twice: list[str]  # the warnings about joints with the same column
-    late: str | None  # warning about a clear but uncorrected delay
+    late: str | None  # warning about an uncorrected delay that is clear, or longer than is searched
     delay: Delay  # of the torques
     corrected: bool  # whether the delay was removed
     noise: Array  # torque noise density [(N·m)²/Hz or N²/Hz], (J,); NaN if undetermined

@@ -36,12 +36,12 @@ def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
         restarts = later and (steps < 0).mean() < thresholds.RESTARTS
         remedy = "the clock restarts, so split the file there" if restarts else "sort its rows by time"
         raise RecordingError(
-            f"{name}: time runs backwards, from {time[row]:.6g} s to {time[row + 1]:.6g} s, "
-            f"after sample {row + 1}: {remedy}"
+            f"{name}: time runs backwards, from {stamp_text(time[row])} to "
+            f"{stamp_text(time[row + 1])}, after sample {row + 1}: {remedy}"
         )
     forward = steps[steps > 0]
     if not len(forward):
-        raise RecordingError(f"{name}: all samples have the same time stamp, {time[0]:.6g} s")
+        raise RecordingError(f"{name}: all samples have the same time stamp, {stamp_text(time[0])}")
     limit = gap or thresholds.GAP_STEPS * float(np.median(forward))
     regular = forward[forward <= limit]
     if not len(regular):
@@ -55,6 +55,11 @@ def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
         gaps=tuple((float(time[i]), float(steps[i])) for i in np.flatnonzero(steps > limit)),
         gap=limit,
     )
+
+
+def stamp_text(time: float) -> str:
+    """A time stamp [s] for people, to microseconds: those since 1970 have ten digits before the point."""
+    return f"{round(time, 6) + 0.0:.6f}".rstrip("0").rstrip(".") + " s"
 
 
 def _refuse_unpadded(name: str, time: Array) -> None:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, permutations
 
 from sidegan.recording.units import SECONDS, without_unit
 
@@ -135,10 +135,13 @@ def stamps_of(available: Sequence[str]) -> list[str]:
     return [column for words, column in ranked if words == min(ranked)[0]]
 
 
-def is_split(stamps: Sequence[str]) -> bool:
-    """Whether stamps are split into a column of seconds and one of nanoseconds."""
-    units = [{SECONDS.get(word) for word in _words(column)} for column in stamps]
-    return len(stamps) == 2 and 1.0 in units[0] and 1e-9 in units[1]
+def split_stamps(stamps: Sequence[str]) -> list[str]:
+    """Columns of seconds and of nanoseconds, in this order, if stamps are split into two such; else none."""
+    for pair in permutations(stamps) if len(stamps) == 2 else ():
+        seconds, nanoseconds = ({SECONDS.get(word) for word in _words(column)} for column in pair)
+        if 1.0 in seconds and 1e-9 in nanoseconds:
+            return [*pair]
+    return []
 
 
 def own_names(available: Sequence[str], signal: str, count: int) -> list[str]:

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from sidegan.base.names import counted, listed
-from sidegan.base.settings_text import suggestion
+from sidegan.base.settings_text import suggest_fields, suggestion
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
 from sidegan.recording.column_names import (
     Series,
     is_commanded,
-    is_split,
     own_names,
     series_of,
     signal_of,
+    split_stamps,
     stamps_of,
 )
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
@@ -75,10 +75,8 @@ def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[s
 class Finder:
     """Search for the columns of a file that hold time and signals, or only one signal."""
 
-    def __init__(
-        self, file: str, table: Table, settings: RecordingSettings, joints: Joints, only: str | None
-    ) -> None:
-        self.file, self.table, self.settings, self.joints = file, table, settings, joints
+    def __init__(self, table: Table, settings: RecordingSettings, joints: Joints, only: str | None) -> None:
+        self.file, self.table, self.settings, self.joints = table.file, table, settings, joints
         self.available = [*table.columns]
         self.only = only
         self.count = len(joints.places)
@@ -99,7 +97,7 @@ class Finder:
         guessed = []
         for signal in [self.only] if self.only else SIGNALS:
             for pattern in self.settings.patterns(signal):
-                columns, found = self._called(signal) if pattern == AUTO else self._set(pattern)
+                columns, found = self._recognised(signal) if pattern == AUTO else self._configured(pattern)
                 if columns:
                     where[signal], patterns[signal] = columns, found
                     guessed += [columns] if pattern == AUTO and "{joint}" not in found else []
@@ -107,18 +105,19 @@ class Finder:
             else:
                 self._refuse_missing(signal)
         remarks = []
-        if AUTO in self.settings.patterns("torque") and any(map(is_commanded, where.get("torque", ()))):
-            remarks.append(
-                f"torques are commanded ones, {listed(where['torque'])}, since none are measured: they lack "
-                "what the drives' controllers add"
-            )
+        for load in sorted(self.loads & {*where}):
+            if AUTO in self.settings.patterns(load) and any(map(is_commanded, where[load])):
+                remarks.append(
+                    f"{load}s are commanded ones, {listed(where[load])}, since none are measured: they lack "
+                    "what the drives' controllers add"
+                )
         if not self.only and self.loads and not {"torque", "current"} & {*where}:
             like = "no column like 'tau{index}' or 'effort.{joint}'"
             raise RecordingError(
-                f"{self.file} has no torque or current: {like}; it has {self._has()}"
+                f"{self.file} has no torque or current: {like}; it has {self._existing()}"
                 f"{self._offers('torque') or self._another_file('position')}"
             )
-        return where, [*remarks, *self._shifted(guessed), *self._left_over(where, patterns)]
+        return where, [*remarks, *self._counted_from_zero(guessed), *self._unused_remarks(where, patterns)]
 
     def _time(self) -> list[str]:
         """Columns of time stamps; none if the file has none but its rate is known."""
@@ -129,15 +128,16 @@ class Finder:
         if not stamps and self.settings.rate is None:
             wanted = "like 't' or 'time'" if AUTO in names else " or ".join(map(repr, names))
             raise RecordingError(
-                f"{self.file} has no column {wanted} of time stamps; it has {self._has()}; name the column, "
-                f"{suggestion('recording.time', 'NAME')}, or, without time stamps, state the sampling rate "
-                f"[Hz]: {suggestion('recording.rate', 1000)}"
+                f"{self.file} has no column {wanted} of time stamps; it has {self._existing()}; name the "
+                f"column, {suggestion('recording.time', 'NAME')}, or, without time stamps, state the "
+                f"sampling rate [Hz]: {suggestion('recording.rate', 1000)}"
             )
-        if len(stamps) > 1 and not is_split(stamps):
+        split = split_stamps(stamps)
+        if len(stamps) > 1 and not split:
             self._refuse_several("time", stamps)
-        return stamps
+        return split or stamps
 
-    def _set(self, pattern: str) -> tuple[list[str], str]:
+    def _configured(self, pattern: str) -> tuple[list[str], str]:
         """Columns of a configured pattern, none unless all exist, and the pattern."""
         for places in (self.joints.places, range(self.count)):
             columns = _filled(pattern, self.joints.names, places)
@@ -145,14 +145,14 @@ class Finder:
                 return columns, pattern
         return [], pattern
 
-    def _called(self, signal: str) -> tuple[list[str], str]:
+    def _recognised(self, signal: str) -> tuple[list[str], str]:
         """Columns named like the signal, or a single one that holds all joints, and their pattern."""
-        ways = self._ways(self._own(self._candidates(signal)), self.numbering)
+        ways = self._ways(self._of_this_arm(self._candidates(signal)), self.numbering)
         ways = ways or {(column,): column for column in self._arrays(signal)}
         if len(ways) > 1:
             self._refuse_several(signal, [*ways.values()])
         for columns, pattern in ways.items():
-            left = 0 if "{joint}" in pattern else len(self._left(columns, pattern))
+            left = 0 if "{joint}" in pattern else len(self._unused(columns, pattern))
             if left > thresholds.MOST_GRIPPER_COLUMNS:
                 raise RecordingError(
                     f"{self.file} has {signal} of {counted(len(columns) + left, 'joint')}, the arm has "
@@ -166,7 +166,7 @@ class Finder:
         called = [s for s in self.series if s.signal(self.effort, self.commanded) == signal]
         return called or [s for s in self.series if self.only and s.signal("") is None and not s.foreign]
 
-    def _own(self, series: Sequence[Series]) -> list[Series]:
+    def _of_this_arm(self, series: Sequence[Series]) -> list[Series]:
         """Series, without another arm's numbered ones if this arm's joints occur by name."""
         whole = [s for s in series if s.named and len(s.of(self.joints.places, 0)) == self.count]
         return [s for s in series if s.named or not any(s.of_another_arm(arms) for arms in whole)]
@@ -176,14 +176,14 @@ class Finder:
         called = [c for c in self.available if signal_of(c, self.effort, self.commanded) == signal]
         return [c for c in called if self.table.width(c) == self.count]
 
-    def _of(self, series: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:
+    def _columns_in(self, series: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:
         """The arm's columns in a series with this numbering, and its pattern."""
         places, base = numbering
         return tuple(series.of(self.joints.places if series.named else places, base)), series.pattern(base)
 
     def _ways(self, series: Sequence[Series], numbering: Numbering) -> dict[tuple[str, ...], str]:
         """Patterns of series with all joints in this numbering, by their columns; names take precedence."""
-        found = [self._of(s, numbering) for s in sorted(series, key=lambda s: s.named)]
+        found = [self._columns_in(s, numbering) for s in sorted(series, key=lambda s: s.named)]
         return {columns: pattern for columns, pattern in found if len(columns) == self.count}
 
     def _numberings(self) -> list[Numbering]:
@@ -213,7 +213,7 @@ class Finder:
             return [(self.joints.places, 0 if any(0 in s.columns for s in signals) else 1)]
         return [score for score in scores if scores[score] == most]
 
-    def _left(self, columns: Sequence[str], pattern: str) -> list[str]:
+    def _unused(self, columns: Sequence[str], pattern: str) -> list[str]:
         """Numbered columns of a series that belong neither to the arm's joints nor to locked ones."""
         chain = self.joints.chain
         known = {*columns, *_filled(pattern, chain, range(len(chain)))}
@@ -221,7 +221,7 @@ class Finder:
         left = {column for series in numbered if {*columns} <= series for column in series - known}
         return [column for column in self.available if column in left]
 
-    def _shifted(self, guessed: Sequence[Sequence[str]]) -> list[str]:
+    def _counted_from_zero(self, guessed: Sequence[Sequence[str]]) -> list[str]:
         """A remark if joints are counted from 0 but named from 1, so that the columns read may surprise."""
         named = [(c, place) for s in self.series if s.named for place, c in s.columns.items()]
         taken = [dict(zip(columns, self.joints.places)) for columns in guessed]
@@ -230,9 +230,9 @@ class Finder:
             return []
         return [f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, etc."]
 
-    def _left_over(self, where: SignalColumns, patterns: Mapping[str, str]) -> list[str]:
+    def _unused_remarks(self, where: SignalColumns, patterns: Mapping[str, str]) -> list[str]:
         """A remark on columns of more joints than the arm has."""
-        lefts = {signal: self._left(where[signal], pattern) for signal, pattern in patterns.items()}
+        lefts = {signal: self._unused(where[signal], pattern) for signal, pattern in patterns.items()}
         left = [*dict.fromkeys(column for columns in lefts.values() for column in columns)]
         if not left:
             return []
@@ -241,14 +241,14 @@ class Finder:
         zero = {s: p for s, p in patterns.items() if lefts[s] and "{index0}" in p}
         if not self.ambiguous or AUTO not in self.settings.patterns("position") or not zero:
             return [unused + has]
-        other = " ".join(_typed(s, p.replace("{index0}", "{index}")) for s, p in zero.items())
+        other = suggest_fields("recording", {s: p.replace("{index0}", "{index}") for s, p in zero.items()})
         return [f"{unused}joints are counted from 0, and {has}; if the first joint is number 1: {other}"]
 
     def _refuse_missing(self, signal: str) -> None:
         """Raise if a signal is required, or present for at least half of the joints but not for all."""
         patterns = self.settings.patterns(signal)
         series = self._candidates(signal) if AUTO in patterns else []
-        ways = [self._of(s, self.numbering) for s in series]
+        ways = [self._columns_in(s, self.numbering) for s in series]
         nearest, pattern = max(ways, key=lambda way: len(way[0]), default=((), ""))
         optional = (not patterns or AUTO in patterns) and not self.only and signal != "position"
         if optional and len(nearest) * 2 < self.count:
@@ -265,7 +265,7 @@ class Finder:
         joints = [name for name, column in zip(own, wanted) if column in missing] if wanted[1:] else own
         raise RecordingError(
             f"{self.file} has no {signal} for {len(joints)} of the arm's {counted(len(own), 'joint')}: "
-            f"no column {listed([repr(c) for c in missing])}; it has {self._has()}"
+            f"no column {listed([repr(c) for c in missing])}; it has {self._existing()}"
             f"{self._remedy(signal, joints)}"
         )
 
@@ -304,7 +304,8 @@ class Finder:
             f"{self.file} has {signal} as {listed_ways}; choose one: {_typed(signal, ways[0])}"
         )
 
-    def _has(self) -> str:
+    def _existing(self) -> str:
+        """Names of the file's columns, for a message."""
         return listed([repr(column) for column in self.available]) or "none"
 
 

@@ -10,7 +10,6 @@ import pandas as pd
 import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
-from sidegan.base.names import counted
 from sidegan.base.settings_text import suggestion
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
@@ -85,9 +84,10 @@ def load_commanded(path: Path, joint_names: Sequence[str], coupling: Array) -> l
             if missing := [name for name in columns if name not in table]:
                 raise RecordingError(f"{file} has no column {', '.join(missing)}: is it for this arm?")
             values = table[columns].to_numpy(np.float64)
-        if len(values) < 2:
-            raise RecordingError(f"{file} has {counted(len(values), 'row')}, expected a trajectory")
-        found.append(Commanded(file.stem, values[:, 0], values[:, 1:] @ coupling.T))
+        time = values[:, 0]
+        if len(time) < 2 or not (np.isfinite(values).all() and (np.diff(time) > 0).all()):
+            raise RecordingError(f"{file} is no trajectory: expected two rows or more, at increasing times")
+        found.append(Commanded(file.stem, time - time[0], values[:, 1:] @ coupling.T))
     return found
 
 

@@ -50,8 +50,9 @@ def _units(arm: Arm, units: Units) -> Iterator[Map]:
     for name, factor, zero in rows:
         setting = units.setting(factor, zero, arm.prismatic)
         yield Map(np.diag(factor), zero, f"are the positions in {name}? they fit far better ({setting})")
-    degrees = np.where(arm.prismatic, 1.0, math.pi / 180)
-    yield Map(np.diag(degrees), none, f"are these degrees? ({suggestion('recording.units.angle', 'deg')})")
+    if units.angle in (None, "rad") and units.position is None:
+        degrees, way = np.where(arm.prismatic, 1.0, math.pi / 180), suggestion("recording.units.angle", "deg")
+        yield Map(np.diag(degrees), none, f"are these degrees? ({way})")
 
 
 def couplings(names: Sequence[str]) -> Iterator[tuple[str, Array, Array]]:

@@ -31,7 +31,7 @@ class Delay(NamedTuple):
     seconds: float  # negative if torques are early
     deviation: float = 0.0  # standard deviation of the delay [s]
     given: bool = False  # whether it was set rather than measured
-    clear: bool = False  # whether removing it at least halves the residual
+    clear: bool = False  # whether removing it at least halves the squared residual
 
     @property
     def noticed(self) -> bool:

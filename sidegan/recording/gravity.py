@@ -19,7 +19,7 @@ _FIRST, _LAST = 0.05, 1e-3  # [rad] steps of the search for a tilt
 _LEAST_NOISE = 1e-2  # of a joint's torque assumed to be noise at least
 
 
-class Load(NamedTuple):
+class GravityFit(NamedTuple):
     """The gravity with which a description explains torques best, and the scales of the torques."""
 
     gravity: Array  # in the world [m/s²], (3,); the described one unless another is far better
@@ -52,14 +52,14 @@ class _Torques:
         self.inertial, self.static, self.measured = columns[..., 0], columns[..., 1:4], columns[..., 4]
         self.weight = 1 / np.maximum(np.linalg.norm(self.measured, axis=0), NEGLIGIBLE)
 
-    def explained(self, gravity: Array) -> Load:
+    def explained(self, gravity: Array) -> GravityFit:
         """Joint scales with a gravity [m/s²], (3,)."""
         model = self.inertial + self.static @ gravity
         products, squares = (model * self.measured).sum(0), np.square(model).sum(0)
         seen = np.sqrt(squares) > ROUNDING * np.maximum(self.size, NEGLIGIBLE)
         scale = np.where(seen, products / np.maximum(squares, NEGLIGIBLE**2), 0.0)
         cosine = np.where(seen, products / np.maximum(np.sqrt(squares), NEGLIGIBLE) * self.weight, 0.0)
-        return Load(gravity, scale, cosine, np.maximum(1 - np.square(cosine), 0.0))
+        return GravityFit(gravity, scale, cosine, np.maximum(1 - np.square(cosine), 0.0))
 
     def towards(self, scale: Array, left: Array) -> Array:
         """Best gravity [m/s²], (3,), at these scales and unexplained shares, (J,) each."""
@@ -69,7 +69,7 @@ class _Torques:
         return np.linalg.lstsq(rows, rest)[0]
 
 
-def load_of(body: RigidBody, q: Array, v: Array, a: Array, measured: Array) -> Load:
+def fit_gravity(body: RigidBody, q: Array, v: Array, a: Array, measured: Array) -> GravityFit:
     """Gravity and scales of measured torques (S, J) at states (S, J), from an arm's description.
 
     Larger masses cannot be told from larger gravity, so its magnitude is the description's, or zero.
@@ -117,8 +117,8 @@ def tilt_of(described: Array, misfit: Callable[[Array, slice], float], samples: 
     return gravity if np.linalg.norm(tilt) > thresholds.NOTABLE_TILT else None
 
 
-def _best(torques: _Torques, described: Array) -> Load | None:
-    """Load with a gravity that explains torques far better than the described one [m/s²]; None if no such."""
+def _best(torques: _Torques, described: Array) -> GravityFit | None:
+    """Fit with a gravity that explains torques far better than the described one [m/s²]; None if no such."""
     size = float(np.linalg.norm(described))
     if not size > 0:
         return None
@@ -126,7 +126,7 @@ def _best(torques: _Torques, described: Array) -> Load | None:
     found = _other_direction(torques, size)
     others = [torques.explained(np.zeros_like(described))]
     others += [] if _same_direction(found.gravity, described) else [found]
-    best = min(others, key=lambda load: load.misfit)
+    best = min(others, key=lambda fit: fit.misfit)
     better = best.misfit < thresholds.EXPLAINED_BY_GRAVITY * as_described.misfit
     return best if better and np.median(best.left) < thresholds.LEFT_BY_GRAVITY else None
 
@@ -137,8 +137,8 @@ def _same_direction(a: Array, b: Array) -> bool:
     return float(a @ b) > sizes * math.cos(thresholds.OTHER_DIRECTION) if sizes > 0 else np.array_equal(a, b)
 
 
-def _other_direction(torques: _Torques, size: float) -> Load:
-    """Load with the gravity of this magnitude [m/s²] that explains most."""
+def _other_direction(torques: _Torques, size: float) -> GravityFit:
+    """Fit with the gravity of this magnitude [m/s²] that explains most."""
     left = np.ones_like(torques.weight)
     scale = 1 / (torques.weight * np.maximum(torques.size, NEGLIGIBLE))  # independent of the torques' units
     found = []
@@ -146,4 +146,4 @@ def _other_direction(torques: _Torques, size: float) -> Load:
         gravity = torques.towards(scale, left)
         found.append(torques.explained(gravity * size / np.maximum(np.linalg.norm(gravity), NEGLIGIBLE)))
         scale, left = found[-1].scale, found[-1].left
-    return min(found, key=lambda load: load.misfit)
+    return min(found, key=lambda fit: fit.misfit)

@@ -44,9 +44,9 @@ def load_recording(
     """A recording of an arm's joints, from one file or from a file per signal.
 
     Files are CSV (first line: column names), Parquet, JSON, NPZ, HDF5, MATLAB, ROS 2 bags (folder, .db3,
-    .mcap) or LeRobot datasets (folder). ``chain`` names the arm's joints and those locked between them, from
-    the base outwards, and says which are prismatic; None: none of either. Positions of the others are
-    unwrapped where they jump by a turn. Rows at rest with the drives off are removed.
+    .mcap) or LeRobot datasets (folder). ``chain`` says of the arm's joints and of those locked between them,
+    from the base outwards, whether each is prismatic; None: no joint is locked or prismatic. Positions of
+    revolute joints are unwrapped where they jump by a turn. Rows at rest with the drives off are removed.
     """
     name = recording_name(files)
     joints = Joints.of(name, settings, joint_names, chain or {})
@@ -54,9 +54,13 @@ def load_recording(
     if isinstance(files, Files):
         paths = files.signals(settings.effort).items()
         sources = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
-    found = merge([_read(path, settings, joints, only) for only, path in sources])
+    headed: dict[str, str] = {}
+    found = merge([_read(path, settings, joints, only, headed) for only, path in sources])
     corrupt, remarks = tuple(found.corrupt), tuple(found.remarks)
-    raw = Recording(name, joints.own, found.time, corrupt=corrupt, remarks=remarks, **found.signals)
+    units = settings.units.with_stated(headed)
+    raw = Recording(
+        name, joints.own, found.time, corrupt=corrupt, remarks=remarks, units=units, **found.signals
+    )
     read = unwrap(raw, joints.slides)
     if settings.coupling:
         matrix = settings.motion_matrix(joint_names)
@@ -77,8 +81,13 @@ def files_of(path: Path) -> list[Path]:
     return dataset_files(path) if is_dataset(path) else bag_files(path)
 
 
-def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> ClockedSignals:
-    """All signals of a file, or only one, without corrupt rows; signals with their own clocks are merged."""
+def _read(
+    path: Path, settings: RecordingSettings, joints: Joints, only: str | None, headed: dict[str, str]
+) -> ClockedSignals:
+    """All signals of a file, or only one, without corrupt rows; signals with their own clocks are merged.
+
+    To ``headed`` are added the units of time, angle and length in its headings.
+    """
     with reading(path, "recording", RecordingError):
         if not path.exists():
             raise RecordingError(f"there is no recording {path}")
@@ -98,6 +107,9 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
                 remarks = [*odd, *remarks]
             else:
                 signals[name], units = _in_si(path.name, table, name, columns, settings.units, joints)
+            if name in ("time", "position"):
+                kinds = ["length" if slides else "angle" for slides in joints.slides]
+                headed |= {k: unit for k, unit in zip(["time"] if name == "time" else kinds, units) if unit}
             stated += [f"{name} in {unit}" for unit in dict.fromkeys(units) if unit]
             table.forget({*columns} - {c for other in where.keys() - signals.keys() for c in where[other]})
     if len({len(x) for x in signals.values()}) > 1:
@@ -132,16 +144,16 @@ def _open(
         table, where, remarks = bag_table(path, settings, joints.names)
         if only and only not in where:
             raise RecordingError(f"{path.name}: its joint states have {', '.join([*where][1:])}, not {only}")
-        if not settings.patterns("velocity"):
-            where.pop("velocity", None)
-        return table, {name: where[name] for name in ("time", only)} if only else where, remarks
+        wanted = {"time", only} if only else {"time", "position", *filter(settings.patterns, where)}
+        return table, {name: columns for name, columns in where.items() if name in wanted}, remarks
     elif suffix in _READERS:
         table = _READERS[suffix](path)
     else:
         raise RecordingError(
             f"{path} has the suffix {suffix or 'none'}, expected {', '.join(_READERS)} or a bag"
         )
-    return table, *Finder(path.name, table, settings, joints, only).found()
+    table = replace(table, file=path.name)
+    return table, *Finder(table, settings, joints, only).found()
 
 
 def _in_si(
@@ -205,7 +217,7 @@ def _without_corrupt_rows(
             f"{file}: {1 - good.mean():.0%} of its rows lack a number, in column {listed(worst)}"
         )
     if not good.any():
-        raise RecordingError(f"{file} holds no samples")
+        raise RecordingError(f"{file} holds no samples of {listed([x for x in signals if x != 'time'])}")
     corrupt = []
     for k in np.flatnonzero(~good).tolist():
         lacking = [names[c] for c in np.flatnonzero(missing[:, k])]

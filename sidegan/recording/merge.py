@@ -8,7 +8,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RecordingError
-from sidegan.recording.clock import clock_of
+from sidegan.recording.clock import clock_of, stamp_text
 from sidegan.recording.grid import interpolate
 
 
@@ -48,7 +48,7 @@ def merge(parts: Sequence[ClockedSignals]) -> ClockedSignals:
     begin = max(part.time[0] for part in parts)
     end = min(part.time[-1] for part in parts)
     if not begin < end:
-        spans = [f"{part.file} from {part.time[0]:.6g} s to {part.time[-1]:.6g} s" for part in parts]
+        spans = [f"{x.file} from {stamp_text(x.time[0])} to {stamp_text(x.time[-1])}" for x in parts]
         raise RecordingError(
             f"the files do not overlap in time, expected time stamps of one clock: {'; '.join(spans)}"
         )
@@ -65,6 +65,6 @@ def merge(parts: Sequence[ClockedSignals]) -> ClockedSignals:
     remarks += [f"{listed(others)}: interpolated at the time stamps of {fastest.file}"] if others else []
     lost = max(max(begin - part.time[0], part.time[-1] - end) for part in parts)
     if lost > max(clock.step for clock in clocks):
-        remarks.append(f"only {begin:.6g} s to {end:.6g} s is in all files; the rest is left out")
+        remarks.append(f"only {stamp_text(begin)} to {stamp_text(end)} is in all files; the rest is left out")
     signals = {name: x[whole] for name, x in signals.items()}
     return ClockedSignals(first.file, first.stamped, time[whole], signals, corrupt, remarks)

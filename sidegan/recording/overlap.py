@@ -12,6 +12,7 @@ import scipy  # submodules load lazily
 from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
+from sidegan.recording.clock import stamp_text
 from sidegan.recording.grid import marked_ranges
 from sidegan.recording.recording import Recording
 
@@ -97,7 +98,7 @@ def _parts(recording: Digests) -> Iterator[tuple[Array, Array]]:
     """Times (K,) [s] and torques (K, J) of parts of a recording, without its ends, which filters distort."""
     begin, end = np.searchsorted(recording.time, recording.time[[0, -1]] + [_REACH, -_REACH])
     count = max(1, round((recording.time[-1] - recording.time[0]) / _PART))
-    rows = np.array_split(np.arange(begin, end), count)
+    rows = [part for part in np.array_split(np.arange(begin, end), count) if len(part)]
     for part in rows[:: -(-count // _PARTS)]:
         yield recording.time[part], recording.torque[part]
 
@@ -156,7 +157,7 @@ def _stretch(common: Array, time: Array) -> str:
         return ""
     longest = int(np.argmax(ends - begins))
     begin, end = time[[begins[longest], ends[longest] - 1]]
-    return f"from {begin:.6g} s to {end:.6g} s"
+    return f"from {stamp_text(begin)} to {stamp_text(end)}"
 
 
 def _in_order(hashes: Array, others: Array) -> Array:

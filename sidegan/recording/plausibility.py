@@ -9,6 +9,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
+from sidegan.recording.clock import stamp_text
 from sidegan.recording.recording import Recording, Segment
 from sidegan.recording.refusals import DEGREES
 from sidegan.recording.statistics import Statistics
@@ -24,7 +25,7 @@ def clock_warnings(statistics: Statistics) -> list[str]:
     warnings = []
     if gaps := statistics.gaps:
         start, longest = max(gaps, key=lambda gap: gap[1])
-        where = f"the longest {longest:.3g} s after {start:.6g} s"
+        where = f"the longest {longest:.3g} s after {stamp_text(start)}"
         warnings.append(f"{counted(len(gaps), 'gap')}, {where}; not bridged")
     if found := statistics.bridged:
         warnings.append(f"{counted(found, 'gap')} of up to {statistics.gap * 1e3:.3g} ms, interpolated")
@@ -69,8 +70,8 @@ def fault_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     warnings = [f"the {name} of {arm.named(clipped)} looks saturated"] if clipped.any() else []
     for joint, begin, end in statistics.frozen:
         warnings.append(
-            f"the {name} of {arm.joint_names[joint]} is frozen from {begin:.2f} s to {end:.2f} s, "
-            "although the joint moves: remove these rows from the file"
+            f"the {name} of {arm.joint_names[joint]} is frozen from {stamp_text(begin)} to "
+            f"{stamp_text(end)}, although the joint moves: remove these rows from the file"
         )
     return warnings
 
@@ -106,7 +107,7 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     inverse = products.diagonal() / np.maximum(other, NEGLIGIBLE)
     correlation = products / np.maximum(np.sqrt(own[:, None] * other), NEGLIGIBLE)
     alike = correlation.diagonal()
-    for j in np.flatnonzero(moving).tolist():
+    for j in np.flatnonzero(moving & ~arm.prismatic).tolist():
         ratio = abs(slope[j])
         off = abs(abs(math.log(max(ratio, NEGLIGIBLE))) - math.log(DEGREES))
         if off < thresholds.DEGREES_RATIO and abs(alike[j]) > thresholds.RATE_CORRELATION:

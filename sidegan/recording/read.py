@@ -8,7 +8,7 @@ from dataclasses import replace
 from sidegan.base.names import listed
 from sidegan.recording.check import check_recording
 from sidegan.recording.checked import CheckedRecording, Role
-from sidegan.recording.delay import pool_delays
+from sidegan.recording.delay import Delay, pool_delays
 from sidegan.recording.load import recording_name
 from sidegan.recording.overlap import same_run
 from sidegan.recording.recording import SIGN_WIDTH
@@ -38,7 +38,7 @@ def read_and_check(
     if common is not None and settings.delay is None:
         found = [check_recording(x, arm, settings, gains, sign_width, common) for x in read]
     elif common is not None:
-        found = [replace(checked, delay=common) for checked in found]
+        found = [_with_delay(checked, common) for checked in found]
     found = [replace(checked, role=role) for checked, (_, role) in zip(found, files)]
     found = [_compared(checked, found[:k]) for k, checked in enumerate(found)]
     for checked in found:
@@ -57,6 +57,14 @@ def read_and_check(
     for warning, names in warned.items():
         _log.warning("%s: %s", listed(names), warning)
     return found
+
+
+def _with_delay(recording: CheckedRecording, delay: Delay) -> CheckedRecording:
+    """A recording with the delay of all in place of its own, also in the warning about it."""
+    own, said = (x.statement(recording.corrected) for x in (recording.delay, delay))
+    warnings = [said if warning == own else warning for warning in recording.warnings]
+    late = said if recording.late == own else recording.late
+    return replace(recording, delay=delay, warnings=warnings, late=late)
 
 
 def _compared(recording: CheckedRecording, earlier: list[CheckedRecording]) -> CheckedRecording:

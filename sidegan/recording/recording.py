@@ -6,6 +6,7 @@ from typing import Any, Literal, NamedTuple
 from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
 from sidegan.recording.settings import SIGNALS
+from sidegan.recording.units import Units
 
 SIGN_WIDTH = 0.01  # [rad/s or m/s] at which the smooth sign of a velocity is at 76 %
 
@@ -25,6 +26,7 @@ class Recording:
     # row number (from 1; of text files from the header) and reason of each corrupt row
     corrupt: tuple[tuple[int, str], ...] = ()
     remarks: tuple[str, ...] = ()  # for people, on how it was read
+    units: Units | None = None  # in which the file was read; None: those of the settings
 
     def __len__(self) -> int:
         return len(self.time)

@@ -11,6 +11,7 @@ from sidegan.base.settings_text import FILL_IN, setting_name, suggest_fields, su
 from sidegan.errors import RecordingError
 from sidegan.recording import thresholds
 from sidegan.recording.agreement import Agreement
+from sidegan.recording.clock import stamp_text
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import Signal, Statistics
 from sidegan.recording.units import SECONDS, Units
@@ -49,7 +50,9 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
     limit = _limit(arm)
     far = turning & (reach > thresholds.FAR_ANGLE * limit) & (reach > thresholds.ANY_ANGLE)
     most = np.maximum(limit, thresholds.ANY_ANGLE)[turning]
-    if units.angle != "deg" and far.any() and (reach[turning] / DEGREES <= most).all():
+    if units.angle in (None, "rad") and far.any() and (reach[turning] / DEGREES <= most).all():
+        if units.position is not None:
+            return f"{_reaches(position, arm, far)}: is recording.units.position right?"
         degrees = suggestion("recording.units.angle", "deg")
         motors = suggestion("recording.units.position", {"per_turn": [FILL_IN]})
         return (
@@ -57,7 +60,8 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
             f"gears? ({motors}, 2π times each joint's ratio)"
         )
     span = (position.upper - position.lower)[turning]
-    if units.angle == "deg" and len(span) and 0 < span.max() < thresholds.LEAST_ANGLE:
+    slow = 0 < span.max(initial=0.0) < thresholds.LEAST_ANGLE
+    if units.angle == "deg" and units.position is None and slow:
         turned = f"{span.max() * DEGREES:.3g}°"
         radians = suggestion("recording.units.angle", "rad")
         return f"no joint turns more than {turned}: are these radians? ({radians})"
@@ -71,7 +75,9 @@ def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
     limit = _limit(arm)
     far = sliding & (reach > thresholds.FAR_LENGTH * limit)
     as_millimetres = MILLIMETRES * limit * thresholds.FAR_ANGLE
-    if units.length != "mm" and far.any() and (reach[far] <= as_millimetres[far]).all():
+    if units.position is not None:
+        return None
+    if units.length in (None, "m") and far.any() and (reach[far] <= as_millimetres[far]).all():
         millimetres = suggestion("recording.units.length", "mm")
         return f"{_reaches(position, arm, far)}: are these millimetres? ({millimetres})"
     span, whole = position.upper - position.lower, arm.position_upper - arm.position_lower
@@ -116,14 +122,14 @@ def _reaches(position: Signal, arm: Arm, far: Array) -> str:
 def refuse_idle(statistics: Statistics, arm: Arm, without: Sequence[str]) -> None:
     """Refuse a recording without motion or torque, or with constant rates of moving joints.
 
-    ``without`` is that setting, which messages add to.
+    ``without`` are the joints that ``recording.without`` has already, to which messages add others.
     """
     file, signals = statistics.name, statistics.signals
     span = signals["position"].upper - signals["position"].lower
     if (span < thresholds.MOVED).all():
         raise RecordingError(
             f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; identification needs "
-            "motions through a good part of the arm's range: +experiment=excite"
+            "motions through a good part of the arm's range, such as excite designs"
         )
     name = statistics.load
     signal = signals[name]
@@ -178,7 +184,7 @@ def refuse_jumps(recording: Recording, arm: Arm, gap: float) -> None:
                 unit = "m" if arm.prismatic[j] else "rad"
                 raise RecordingError(
                     f"{recording.name}: {name} jumps by {moved[k]:.2g} {unit} after sample {k + 1}, at "
-                    f"{time[k]:.4g} s: are rows missing, or was its encoder reset? split the file there"
+                    f"{stamp_text(time[k])}: are rows missing, or was its encoder reset? split the file there"
                 )
 
 
@@ -210,7 +216,7 @@ def refuse_overload(
         worst = int(size.argmax())
         raise RecordingError(
             f"{statistics.name}: the torque of {arm.joint_names[j]} is {raw[worst, j]:.4g} {unit} at "
-            f"{time[worst]:.6g} s, and beyond {agreement.usual[j]:.4g} {unit} in only "
+            f"{stamp_text(time[worst])}, and beyond {agreement.usual[j]:.4g} {unit} in only "
             f"{counted(len(beyond), 'sample')} of {len(size)}: remove these rows from the file"
         )
     measured = statistics.load
@@ -220,7 +226,7 @@ def refuse_overload(
     elif measured == "current":
         suspicion = f"are the drive gains ({setting_name('robot.gains')}) and the joint order right?"
     else:
-        suspicion = "is it in N·m, and the joint order right? (a current is named by recording.current)"
+        suspicion = f"is it in {unit}, and the joint order right? (a current is named by recording.current)"
     joints = zip(arm.joint_names, agreement.usual.tolist(), (share > most).tolist())
     raised = suggestion("robot.limits.effort", {name: math.ceil(usual) for name, usual, far in joints if far})
     raise RecordingError(

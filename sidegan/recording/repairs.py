@@ -8,6 +8,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
 from sidegan.recording import thresholds
+from sidegan.recording.clock import stamp_text
 from sidegan.recording.grid import constant_ranges
 from sidegan.recording.recording import Recording
 
@@ -33,7 +34,7 @@ def unwrap(recording: Recording, slides: Sequence[bool]) -> Recording:
             found.append(name)
     if not found:
         return recording
-    remark = f"positions of {listed(found)} jump by whole turns: unwrapped, so that they continue beyond ±π"
+    remark = f"positions of {listed(found)} jump by whole turns: unwrapped, so that they go on beyond a turn"
     return replace(recording, position=position, remarks=(*recording.remarks, remark))
 
 
@@ -61,10 +62,8 @@ def remove_glitches(recording: Recording, speed: Array) -> Recording:
     if not len(rows):
         return recording
     joints = listed([name for name, found in wrong.items() if len(found)])
-    times = listed([f"{t:.6g}" for t in time[rows].tolist()], 3)
-    remark = (
-        f"the position of {joints} jumps and returns at {times} s: {counted(len(rows), 'sample')} left out"
-    )
+    times = listed([*map(stamp_text, time[rows].tolist())], 3)
+    remark = f"the position of {joints} jumps and returns at {times}: {counted(len(rows), 'sample')} left out"
     left = recording.take(np.delete(np.arange(len(time)), rows))
     return replace(left, remarks=(*recording.remarks, remark))
 
@@ -86,7 +85,7 @@ def remove_undriven(recording: Recording) -> Recording:
         return recording
     first = time[np.argmin(kept)]
     remark = (
-        f"from {first:.6g} s no {recording.load} changes while the arm rests, as if drives were off: "
+        f"from {stamp_text(first)} no {recording.load} changes while the arm rests, as if drives were off: "
         f"{counted(int((~kept).sum()), 'row')}, {lost:.3g} s, left out"
     )
     return replace(recording.take(kept), remarks=(*recording.remarks, remark))

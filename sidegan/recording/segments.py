@@ -77,7 +77,8 @@ def preprocess(
                 segments.append(Segment(*(np.ascontiguousarray(x[begin:end]) for x in (times, *states))))
     if not segments:
         raise RecordingError(
-            f"{recording.name}: no joint stays faster than {settings.still:g} rad/s or m/s for long enough"
+            f"{recording.name}: no stretch without gaps, in which a joint stays faster than "
+            f"{settings.still:g} rad/s or m/s, is long enough"
         )
     return segments
 

@@ -10,10 +10,11 @@ import numpy as np
 from pydantic import Field
 
 from sidegan.base.arrays import Array
+from sidegan.base.settings_text import suggest_fields
 from sidegan.base.typed import Hertz, NonNegative, Seconds, Text
 from sidegan.errors import ConfigError
 from sidegan.recording.units import Units
-from sidegan.robot.coupling import Rows, coupling_matrix, coupling_setting
+from sidegan.robot.coupling import Rows, coupling_matrix, coupling_rows
 
 SIGNALS = ("position", "velocity", "acceleration", "torque", "current")
 PLACEHOLDER = re.compile(r"\{(joint|index|index0)\}")
@@ -65,6 +66,9 @@ class RecordingSettings:
                     f"{signal} is {pattern!r}, expected only {{joint}}, {{index}} and {{index0}} in braces"
                 )
 
+        if self.joints is not None and len(set(self.joints)) < len(self.joints):
+            raise ConfigError(f"joints is {self.joints}, expected each name once")
+
     def patterns(self, signal: str) -> list[str]:
         """Patterns of a signal's columns, to be tried in turn; none if it is not to be read."""
         return [*filter(None, (getattr(self, signal) or "").split("|"))]
@@ -84,10 +88,10 @@ class RecordingSettings:
         motion = motion @ self.motion_matrix(joint_names)
         torque = torque @ self.torque_matrix(joint_names)
         same = self.coupling is None and np.array_equal(motion, np.eye(len(motion)))
-        found = [] if same else [coupling_setting("recording.coupling", motion, joint_names)]
+        fields = {} if same else {"coupling": coupling_rows(motion, joint_names)}
         if self.torque_coupling is not None or not np.allclose(torque, np.linalg.inv(motion).T):
-            found.append(coupling_setting("recording.torque_coupling", torque, joint_names))
-        return " ".join(found)
+            fields["torque_coupling"] = coupling_rows(torque, joint_names)
+        return suggest_fields("recording", fields, ".6g")
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ class Table:
     rows: Array  # row numbers as people count them, (S,)
     skipped: Sequence[tuple[int, str]] = ()  # row numbers and reasons of unreadable rows
     units: Mapping[str, str] = field(default_factory=dict)  # of columns, if a row below the header has them
+    file: str = ""  # its name, for messages
 
     def heading(self, name: str) -> str:
         """A column's name with its unit."""
@@ -63,20 +64,20 @@ class Table:
             return []
         orders = {tuple(map(str, row)) for row in self.columns[columns[0]]}
         if len(orders) > 1:
-            raise RecordingError(f"the joints in column {columns[0]} change from row to row")
+            raise RecordingError(f"{self.file}: the joints in column {columns[0]} change from row to row")
         return [*orders.pop()]
 
     def numbers(self, name: str) -> Array:
         """A column, (S,), or (S, J) if it holds lists; NaN where it holds no number."""
         values = np.atleast_1d(self.columns[name])
         if np.iscomplexobj(values):
-            raise RecordingError(f"array {name} holds {values.dtype}, expected real numbers")
+            raise RecordingError(f"{self.file}: {name} holds {values.dtype}, expected real numbers")
         if len(values) and isinstance(values[0], list | np.ndarray):
             try:
                 values = np.stack([*values]).astype(np.float64)
             except (TypeError, ValueError) as error:  # ragged, or lists of structures
                 raise RecordingError(
-                    f"column {name} must have one list of numbers per row, all equally long: {error}"
+                    f"{self.file}: {name} must have equally long lists of numbers, one per row: {error}"
                 ) from error
         if values.ndim == 1:
             values = pd.to_numeric(pd.Series(values), errors="coerce").to_numpy(np.float64)

@@ -3,6 +3,7 @@
 import csv
 import re
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice, takewhile
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sidegan.base.names import counted
+from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
 from sidegan.recording.tables import Table
 from sidegan.recording.units import are_units
@@ -47,9 +48,10 @@ def text_table(path: Path) -> Table:
             f"{path} is no table: expected a line of column names, and below it a line of numbers for each "
             "sample, separated by commas, semicolons, tabs or spaces"
         )
-    lines[0] = lines[0].lstrip(_MARKS)
+    lines[0] = lines[0].lstrip(_MARKS).rstrip(" \r\n")
     names = _fields(lines[0], separator)
-    form = {"sep": separator, "decimal": decimal, "encoding": encoding}
+    blanks = separator == " " and _is_aligned(lines[1:], len(names))
+    form = {"sep": r"\s+" if blanks else separator, "decimal": decimal, "encoding": encoding}
     if echoed := _echoed(path, names):
         return _text_rows(path, echoed, first=skipped + 1, **form)
     if all(_is_number(name.replace(decimal, ".")) for name in names):
@@ -58,8 +60,8 @@ def text_table(path: Path) -> Table:
             "t,q1,q2,tau1,tau2"
         )
     names = [name or f"column {i + 1}" for i, name in enumerate(names)]
-    if len(set(names)) < len(names):
-        raise RecordingError(f"{path}: a column name occurs twice: {', '.join(names)[:100]!r}")
+    if several := [repr(name) for name, count in Counter(names).items() if count > 1]:
+        raise RecordingError(f"{path}: names of columns occur more than once: {listed(several)}")
     units = _fields(lines[1], separator) if lines[1:] else []
     stated = are_units(units)
     table = _text_rows(path, names, first=skipped + 2 + stated, **form)
@@ -70,6 +72,12 @@ def _fields(line: str, separator: str) -> list[str]:
     """Fields of a line, without quotes and blanks around them."""
     rows = csv.reader([line], delimiter=separator, skipinitialspace=True)
     return [field.strip() for field in next(rows, [])]
+
+
+def _is_aligned(rows: Sequence[str], count: int) -> bool:
+    """Whether blanks align rows of ``count`` fields; elsewhere two blanks have an empty field between."""
+    padded = any(row[:1] == " " or "  " in row for row in rows)
+    return padded and all(len(row.split()) == count for row in rows if row.strip())
 
 
 def _comments(lines: Sequence[str]) -> int:

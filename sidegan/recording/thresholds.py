@@ -32,7 +32,7 @@ GAP_PERIODS = 0.25  # periods of the cut-off that are interpolated over: the low
 MOVED = 0.02  # [rad or m] range of a joint's positions below which it stands still, but for its encoder
 FAR_ANGLE = 1.5  # times a joint limit, from which angles are hardly in radians
 ANY_ANGLE = 2.1 * math.pi  # [rad] a turn: plausible whatever the limits
-LEAST_ANGLE = math.pi**2 / 90  # [rad] a turn whose radians were taken for degrees: less is no motion
+LEAST_ANGLE = math.pi**2 / 90  # [rad] a turn in radians, read as degrees: all smaller ones are in radians
 FAR_LENGTH = 5.0  # times a prismatic joint's limit, from which lengths are hardly in metres
 USED_LENGTH = 0.1  # share of its range through which a prismatic joint in use moves at least
 FAR_COUNTS = 10.0  # times a joint limit, from which positions are hardly in any unit of angle
@@ -70,7 +70,7 @@ NOTABLE_DELAY = 0.02  # [s] from which there is a warning; a single fit is accur
 LEAST_DELAY = 2e-3  # [s] that is worth removing: stiction looks like smaller ones
 SAME_DELAY = 3e-3  # [s] between delays of one arm, part of which may be stiction
 CERTAIN_DELAY = 3.0  # σ from zero
-EXPLAINED_BY_DELAY = 0.5  # of the residual at a long delay
+EXPLAINED_BY_DELAY = 0.5  # what a long delay leaves of the squared residual without one
 
 # Torques and the description: shares of variance left, ratios and correlations, joint by joint.
 CORRELATED, CLEARLY_CORRELATED = 0.4, 0.9  # with the described torque: a sign shows, and a scale
@@ -78,7 +78,7 @@ MOVED_FOR_SIGN = 0.1  # [rad or m] range of motion that shows a joint's sign
 FEW_JOINTS = 3  # that must show their signs, or scales, for a convention of all
 DISSIPATED = 0.02  # share of the power that friction takes if the torque is not reversed
 OTHER_UNIT = 2.0  # ratio to the described torque, or its inverse: no masses are that wrong
-SCALE_OF_LIMITS = 0.2  # logarithm of a scale's ratio to the joint's torque limit, per cent of which it may be
+SCALE_OF_LIMITS = 0.2  # tolerance of a scale's logarithm, for torques in per cent of each joint's limit
 STRANGE_ARM = 4  # joints per agreeing joint from which the description hardly fits the arm
 USUAL_TORQUE = 0.99  # quantile
 OTHER_PACE = 1.3  # ratio of paces, or its inverse

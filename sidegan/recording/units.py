@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal
 
@@ -45,6 +45,7 @@ _EXAMPLES = {  # for people
     "angle": "rad, mrad, deg, gon, rev",
     "length": "m, cm, mm, in, ft",
     "torque": "N·m, mNm, N·cm, kN·m, kgf·m, lbf·ft, lbf·in, oz·in",
+    "force": "N, mN, kN, kgf, lbf",
     "current": "A, mA",
 }
 _WORDS = {*_FORCES, *(word for words in _UNITS.values() for word in words)}
@@ -73,8 +74,8 @@ class Counts:
         for name, values in vars(self).items():
             if isinstance(values, list) and len(values) != len(slides):
                 raise RecordingError(
-                    f"recording.units.position.{name} has {counted(len(values), 'value')}, "
-                    f"the arm has {len(slides)}"
+                    f"recording.units.position.{name} has {counted(len(values), 'value')}, the arm has "
+                    f"{counted(len(slides), 'joint')}"
                 )
         turns = (counts - np.asarray(self.zero)) / np.asarray(self.per_turn)
         return turns * np.where(slides, 1.0, _TURN)
@@ -93,6 +94,11 @@ class Units:
     torque: Literal["N·m", "Nm", "mNm"] | None = None
     current: Literal["A", "mA"] | None = None
     position: Counts | None = None  # null: positions are in ``angle`` and ``length``
+
+    def with_stated(self, stated: Mapping[str, str]) -> "Units":
+        """These units with those that headings state, by kind: ``{"angle": "deg"}``."""
+        known = {kind: _letters(unit) for kind, unit in stated.items() if _letters(unit) in _UNITS[kind]}
+        return replace(self, **known)  # type: ignore[arg-type]
 
     def setting(self, factor: Array, zero: Array, slides: Array) -> str:
         """The setting that makes positions ``factor`` times what they are now, plus ``zero``, (J,) each."""
@@ -120,7 +126,7 @@ class Units:
             known = known | {"mm": 1e-3} | (_FORCES if slides else {})  # the end of N·mm
         unit, factor = _stated(heading, known)
         if kind != "time":
-            _refuse_other(file, signal, kind, heading, unit)
+            _refuse_other(file, signal, "force" if slides and kind == "torque" else kind, heading, unit)
         return "" if factor == 1 else unit, factor
 
 
@@ -128,7 +134,9 @@ def _refuse_other(file: str, signal: str, kind: str, heading: str, unit: str) ->
     """Refuse a heading in which another unit than the signal's stands, such as per cent."""
     examples = _EXAMPLES[kind]
     si = examples.partition(",")[0]
-    already = f"if it is in {si} already: {suggestion(f'recording.units.{kind}', si)}"
+    setting = "torque" if kind == "force" else kind
+    as_set = suggestion(f"recording.units.{setting}", _EXAMPLES[setting].partition(",")[0])
+    already = f"if it is in {si} already: {as_set}"
     if _RATED.search(heading.lower()):
         raise RecordingError(
             f"{file}: {heading!r} is a share of a rated value, which is unknown: convert the column to {si} "

@@ -6,7 +6,6 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.base.settings_text import suggestion
 from sidegan.base.typed import Number
 from sidegan.errors import ConfigError
 
@@ -32,8 +31,8 @@ def coupling_matrix(name: str, rows: Rows | None, joint_names: Sequence[str]) ->
     return matrix
 
 
-def coupling_setting(name: str, matrix: Array, joint_names: Sequence[str]) -> str:
-    """The setting of this name that makes this matrix, (J, J), as messages suggest it."""
+def coupling_rows(matrix: Array, joint_names: Sequence[str]) -> Rows:
+    """The setting that makes this matrix, (J, J)."""
     each = zip(joint_names, matrix.tolist())
     rows = {joint: {k: x for k, x in zip(joint_names, row) if x} for joint, row in each}
-    return suggestion(name, {joint: row for joint, row in rows.items() if row != {joint: 1.0}}, ".6g")
+    return {joint: row for joint, row in rows.items() if row != {joint: 1.0}}

@@ -173,8 +173,13 @@ def test_the_program_starts_only_at_its_start(planned):
 
 
 def test_courses_that_do_not_meet_are_refused():
-    with refused(ShapeError):
+    with refused(ShapeError, "apart"):
         run_of([course(), course(family=Trajectory(joints=6, period=16.0))], 0.0)
+    still = course()
+    for names in (NAMES[::-1], NAMES[:3]):
+        other = Course(names, still.time, *(x[:, : len(names)] for x in still[2:]))
+        with refused(ShapeError, *names):
+            run_of([still, other], 0.0)
 
 
 def way(constraints, start, home, **changes):
@@ -269,6 +274,16 @@ def test_high_holding_torque_along_the_way_is_accepted(planar, share, use):
         ),
         (["shoulder", "99.9%", "effort=…"], lambda arm: holding(arm, 0.9992), AROUND),
         (
+            ["elbow", "803", "{'careful': …} below 0.2", "effort=…"],
+            lambda arm: replace(arm, drives=replace(arm.known_drives, viscous=np.full(2, 1000.0))),
+            ([0, 0], [2, 0]),
+        ),
+        (
+            ["0.1% of the limits of shoulder", "'longest': 1251"],
+            lambda arm: arm,
+            ([0, 0], [2, 0], {"careful": 0.001}),
+        ),
+        (
             ["84", "20% of the limits of elbow", "controllers={'longest': 84"],
             lambda arm: replace(arm, velocity_limit=np.array([3.0, 0.001])),
             ([0, 0], [0, 0.9]),
@@ -277,4 +292,5 @@ def test_high_holding_torque_along_the_way_is_accepted(planar, share, use):
 )
 def test_an_impossible_approach_is_refused(planar, desk, names, make, ends):
     with refused(InfeasibleError, *names):
-        way(Constraints(make(planar)) if make else desk, *ends)
+        start, home, *changes = ends
+        way(Constraints(make(planar)) if make else desk, start, home, **dict(*changes))

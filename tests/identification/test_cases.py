@@ -342,10 +342,12 @@ def picking(made):
     return replace(made, name="changed", torque=np.where(held[:, None], carrying(made).torque, made.torque))
 
 
-def test_a_load_held_for_a_while_is_named_with_its_time():
-    result = judged(recorded(2, picking), recorded(3))
+@pytest.mark.parametrize("start", [0.0, 1.7e9], ids=["from zero", "since 1970"])
+def test_a_load_held_for_a_while_is_named_with_its_time(start):
+    result = judged(recorded(2, lambda made: replace(picking(made), time=made.time + start)), recorded(3))
     said = re.match(r"from (\S+) s to (\S+) s of changed .* \+(\S+) ± .* kg on link_7", first_reason(result))
-    np.testing.assert_allclose([float(x) for x in said.groups()], [4.0, 9.0, 2.0], rtol=0.2)
+    begin, end, mass = map(float, said.groups())
+    np.testing.assert_allclose([begin - start, end - start, mass], [4.0, 9.0, 2.0], rtol=0.2)
     assert result.quality.verdict != GOOD
 
 

@@ -94,6 +94,13 @@ def test_a_saved_recording_is_read_back_by_the_recording_package(planar, tmp_pat
         assert np.array_equal(getattr(read, name), values), name
 
 
+@pytest.mark.parametrize("names", [("a",), ("a", "b", "c")])
+def test_a_recording_is_saved_only_with_a_name_for_each_joint(planar, tmp_path, names):
+    executed = Plant(planar, IDEAL).follow(motions(planar, period=1.0))
+    with refused(ShapeError, "joint_names", "2 joints"):
+        save_recording(executed, names, tmp_path / "plant.parquet")
+
+
 def test_torque_noise_has_the_stated_size_and_follows_the_seed(planar):
     plant, motion = Plant(planar, IDEAL), motions(planar, period=16.0)
     true = plant.follow(motion)

@@ -14,8 +14,9 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
 from sidegan.recording.agreement import to_reverse
 from sidegan.recording.checked import hold_out
+from sidegan.recording.clock import stamp_text
 from sidegan.recording.delay import Delay, delay_of, pool_delays
-from sidegan.recording.gravity import load_of
+from sidegan.recording.gravity import fit_gravity
 from sidegan.recording.misfit import misfit
 from sidegan.recording.read import read_and_check
 from sidegan.recording.recording import Recording
@@ -99,7 +100,8 @@ def test_a_frozen_torque_sensor_is_reported(recording):
         [w for w in check(changed).warnings if "is frozen" in w]
         for changed in (frozen, still, frozen.take(rows))
     )
-    assert "the torque of elbow is frozen from 6.00 s to 18.99 s, although the joint moves" in warnings[0]
+    span = " to ".join(stamp_text(recording.time[k]) for k in (600, 1899))
+    assert f"the torque of elbow is frozen from {span}, although the joint moves" in warnings[0]
     assert others == [[], []]
 
 
@@ -231,7 +233,7 @@ def test_gravity_and_torque_scales_are_recovered_in_any_unit(arm, seed):
     share[1] = 0.3  # of a joint that is to count less
     noise = share * torque.std(0) * random.standard_normal(torque.shape)
     units = 10 ** (4 * random.random(arm.joints) - 2)
-    found = load_of(RigidBody(arm), q, v, a, units * (torque + noise))
+    found = fit_gravity(RigidBody(arm), q, v, a, units * (torque + noise))
     angle = math.acos(min(1.0, float(found.gravity @ gravity / np.linalg.norm(gravity) ** 2)))
     assert angle < 3e-4 and np.linalg.norm(found.gravity) == pytest.approx(np.linalg.norm(gravity))
     assert (np.abs(found.scale / units - 1) < share).all()
@@ -239,7 +241,7 @@ def test_gravity_and_torque_scales_are_recovered_in_any_unit(arm, seed):
 
 def test_torques_to_the_last_digit_as_described_have_the_described_gravity():
     motion, body = states(np.arange(60) / 50), RigidBody(PLANAR)
-    np.testing.assert_array_equal(load_of(body, *motion, body.torque(*motion)).gravity, PLANAR.gravity)
+    np.testing.assert_array_equal(fit_gravity(body, *motion, body.torque(*motion)).gravity, PLANAR.gravity)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 4e-6], ids=["exact", "a right angle of four digits"])
@@ -259,6 +261,18 @@ def test_a_load_that_is_to_be_identified_is_no_contradiction(planar, recording, 
     plain, loaded = read_and_check([(path, "training"), (path, "loaded")], planar, of_file())
     assert any("times those expected" in warning for warning in plain.warnings)
     assert not any("times those expected" in warning for warning in loaded.warnings)
+
+
+def test_a_delay_of_all_recordings_is_warned_about_once(planar, tmp_path):
+    files = []
+    for seed in (1, 2):
+        made = moved(planar, np.arange(3000) / 100, 2.0, 1.0, np.random.default_rng(seed))
+        late = replace(made, torque=np.roll(made.torque, 3, 0))
+        frame(late).to_csv(tmp_path / f"{seed}.csv", index=False)
+        files.append((str(tmp_path / f"{seed}.csv"), "training"))
+    first, second = read_and_check(files, planar, of_file())
+    assert first.late and first.late == second.late and first.warnings == second.warnings
+    assert not any("later" in text for checked in (first, second) for text in checked.statements)
 
 
 @pytest.mark.parametrize(("set_before", "advised"), [("elbow", "[shoulder, elbow]"), ("shoulder", "[]")])

@@ -1,5 +1,6 @@
 """Columns are recognised by names and units in all usual conventions; what is odd about them is reported."""
 
+from contextvars import Context
 from dataclasses import replace
 
 import numpy as np
@@ -57,6 +58,11 @@ def test_unused_columns_are_reported(made, tmp_path, names, more, words):
     assert words in "".join(found.remarks)
 
 
+def test_the_other_numbering_is_one_argument_in_python(made, tmp_path):
+    found = Context().run(read, tmp_path, named(made, "t", "q{i}", "tau{i}", q2=1.0, tau2=1.0))
+    assert "recording={'position': 'q{index}', 'torque': 'tau{index}'}" in found.remarks[0]
+
+
 UNKNOWN = [
     ({"q": "theta{i}"}, "'recording.position=\"theta{index0}\"'"),
     ({"tau": "load{n}"}, "'recording.torque=\"load{index}\"'"),
@@ -99,6 +105,11 @@ def test_headings_state_units_and_other_things(signal, headings, factor):
     for heading in headings.split("; "):
         unit, found = Units().of("a.csv", signal, False, heading)
         assert found == pytest.approx(factor, rel=1e-9) and bool(unit) == (factor != 1), heading
+
+
+def test_a_force_in_volts_is_refused_with_units_of_force():
+    with refused(RecordingError, "'V'", "to N and", "kgf", "'recording.units.torque=\"N·m\"'"):
+        Units().of("a.csv", "torque", True, "tau1 [V]")
 
 
 @pytest.mark.parametrize("headings", [("q1", "q2"), ("q1_deg", "q2_mm"), ("J1 Pos (deg)", "J2 Pos (mm)")])

@@ -4,6 +4,7 @@ import shutil
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from sidegan.controllers.course import Course
@@ -119,3 +120,19 @@ def test_missing_or_foreign_commands_are_refused(planar, true, sent, tmp_path):
     for path, about in ((tmp_path / "nothing", "recording.sent"), (tmp_path / "1.csv", "q_shoulder")):
         with refused(RecordingError, str(path), about):
             load_commanded(path, planar.joint_names, np.eye(2))
+
+
+@pytest.mark.parametrize("times", [[0.0], [0.0, 1.0, 1.0], [1.0, 0.0], [0.0, np.nan]])
+def test_a_table_without_increasing_times_is_refused(planar, tmp_path, times):
+    rows = "".join(f"{time},{k},0\n" for k, time in enumerate(times))
+    (tmp_path / "1.csv").write_text(f"time,q_shoulder,q_elbow\n{rows}")
+    with refused(RecordingError, "1.csv", "increasing times"):
+        load_commanded(tmp_path / "1.csv", planar.joint_names, np.eye(2))
+
+
+def test_the_times_of_a_table_may_begin_anywhere(planar, sent, tmp_path):
+    table = pd.read_csv(sent / "trajectories" / "1.csv")
+    table.assign(time=table.time + 3).to_csv(tmp_path / "1.csv")
+    (late,) = load_commanded(tmp_path / "1.csv", planar.joint_names, np.eye(2))
+    (first, *_) = load_commanded(sent, planar.joint_names, np.eye(2))
+    np.testing.assert_allclose(late.time, first.time, atol=1e-12)

@@ -37,6 +37,26 @@ def test_encoder_counts_are_refused_with_the_setting_that_converts_them(recordin
         read(tmp_path, table(recording), units={"position": {"per_turn": [4096, 0]}})
 
 
+HEADED = [  # headings of time and a position, factors of both, settings, and what the message names
+    ("t", "q{} [deg]", 1, 100 * DEGREES, {}, r"per_turn: \[360\d\d, 360\d\d\]"),
+    ("t [ms]", "q{}", 1e6, 1, {}, r"recording\.units\.time=us"),
+    ("t", "q{}", 1, DEGREES, {"position": {"per_turn": 2 * np.pi}}, r"(?s)^(?!.*units\.angle)"),
+]
+
+
+@pytest.mark.parametrize(("time", "q", "pace", "factor", "units", "words"), HEADED)
+def test_a_suggested_unit_takes_the_place_of_that_in_the_headings(
+    recording, tmp_path, time, q, pace, factor, units, words
+):
+    """And of counts, beside which a unit of angles would have no effect."""
+    positions = {q.format(j + 1): factor * recording.position[:, j] for j in range(2)}
+    changed = {"t": None, "q1": None, "q2": None, time: pace * recording.time, **positions}
+    found = read(tmp_path, table(recording, **changed), units=units)
+    with refused(RecordingError, "a.csv") as error:
+        check(replace(found, name="a.csv"), units=units)
+    assert re.search(words, str(error.value)), error.value
+
+
 def test_wrapped_revolute_positions_are_unwrapped(recording, tmp_path):
     """Prismatic joints are not unwrapped, nor are degrees, which step by more than 2 pi."""
     far = recording.position * [4.0, 1.0] + np.array([3.0, 0.0])

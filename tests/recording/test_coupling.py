@@ -1,5 +1,7 @@
 """Recordings in coupled coordinates, of motors say, are read as those of the joints."""
 
+import ast
+from contextvars import Context
 from dataclasses import replace
 
 import numpy as np
@@ -64,6 +66,15 @@ def test_what_was_sent_is_in_the_same_coordinates(tmp_path):
     (tmp_path / "1.csv").write_text("time,q_1,q_2\n0,0.1,0.2\n1,0.3,0.7\n")
     (found,) = load_commanded(tmp_path / "1.csv", JOINTS, COUNTED)
     np.testing.assert_allclose(found.position, [[0.1, 0.1], [0.3, 0.4]])
+
+
+def test_a_suggested_coupling_is_one_argument_in_python():
+    words = Context().run(of_file().coupled, JOINTS, COUNTED, np.eye(2))
+    argument, _, value = words.partition("=")
+    found = of_file(**ast.literal_eval(value))
+    assert argument == "recording"
+    np.testing.assert_array_equal(found.motion_matrix(JOINTS), COUNTED)
+    np.testing.assert_array_equal(found.torque_matrix(JOINTS), np.eye(2))
 
 
 IMPOSSIBLE = [

@@ -116,12 +116,14 @@ def test_arrays_are_read(made, tmp_path, write):
     assert not found.remarks and not found.corrupt
 
 
-def test_commanded_torques_are_read_if_none_are_measured(made, tmp_path):
-    named_in_units = {"q_rad": made.position, "qd_rad_s": made.velocity, "tau_cmd_Nm": made.torque}
+@pytest.mark.parametrize(("name", "load_of"), [("tau_cmd_Nm", "torque"), ("i_cmd_A", "current")])
+def test_commanded_torques_are_read_if_none_are_measured(made, tmp_path, name, load_of):
+    named_in_units = {"q_rad": made.position, "qd_rad_s": made.velocity, name: made.torque}
     np.savez(tmp_path / "a.npz", t_s=made.time, **named_in_units)
     found = load(tmp_path / "a.npz")
-    assert_same(found, made, made.signals())
-    assert "tau_cmd_Nm" in found.remarks[0]
+    assert_same(found, made, ("position", "velocity"))
+    np.testing.assert_allclose(getattr(found, load_of), made.torque)
+    assert load_of in found.remarks[0] and name in found.remarks[0]
 
 
 def echo(made, path, signals=("position", "velocity", "torque")):
@@ -143,11 +145,11 @@ def test_a_printed_joint_state_needs_no_header_unless_it_is_ambiguous(made, tmp_
     np.testing.assert_allclose(load(path).torque, made.torque)
 
 
-@pytest.mark.parametrize("parts", [("sec", "nanosec"), ("seconds", "nanoseconds")])
+@pytest.mark.parametrize("parts", [("sec", "nanosec"), ("seconds", "nanoseconds"), ("nanosec", "sec")])
 def test_lines_of_nested_objects_are_read_but_for_one_that_was_cut_off(made, tmp_path, parts):
     said = []
     for t, q, tau in zip(made.time.tolist(), made.position.tolist(), made.torque.tolist()):
-        stamp = dict(zip(parts, (1, round(t * 1e9))))
+        stamp = {part: round(t * 1e9) if "nano" in part else 1 for part in parts}
         said.append(json.dumps({"stamp": stamp, "name": ["b", "a"], "position": q, "effort": tau}))
     (tmp_path / "a.jsonl").write_text("\n".join(said) + '\n{"stamp": {"se')
     found = load(tmp_path / "a.jsonl", joints=["b", "a"])
@@ -304,6 +306,25 @@ def test_comments_before_the_header_are_skipped(made, tmp_path, before, separato
     assert not found.corrupt
 
 
+@pytest.mark.parametrize("end", ["", " "])
+@pytest.mark.parametrize("form", ["%12.6f", "%.6f "])
+def test_columns_may_be_aligned_by_blanks(made, tmp_path, form, end):
+    header = " ".join(f"{name:>12}" for name in table(made))
+    np.savetxt(tmp_path / "a.txt", table(made), form, header=header + end, newline=end + "\n")
+    found = load(tmp_path / "a.txt")
+    np.testing.assert_allclose(found.torque, made.torque, atol=1e-6)
+    assert not found.corrupt
+
+
+def test_a_blank_field_between_single_blanks_stays_in_its_column(made, tmp_path):
+    blank = table(made, qd1=made.velocity[:, 0], qd2=made.velocity[:, 1])
+    blank.loc[3, "q1"] = np.nan
+    blank.to_csv(tmp_path / "a.txt", sep=" ", index=False)
+    found = load(tmp_path / "a.txt")
+    np.testing.assert_allclose(found.torque, np.delete(made.torque, 3, 0))
+    assert [row for row, _ in found.corrupt] == [5]
+
+
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_decimal_commas_are_read(made, tmp_path, separator):
     """A line of text among the numbers costs that line only."""
@@ -324,6 +345,12 @@ def test_a_file_without_timestamps_is_read_at_a_given_rate(made, tmp_path, time)
     found = read(tmp_path, table, rate=250.0, time=time)
     np.testing.assert_allclose(found.time - found.time[0], np.delete(np.arange(200), 3) / 250, atol=1e-12)
     assert len(found.corrupt) == 1 and "tau1" in found.corrupt[0][1]
+
+
+def test_signals_of_a_bag_that_are_not_wanted_are_not_read(made, tmp_path):
+    bag = files.write_bag(made, tmp_path)
+    assert [*load(bag, torque=None).signals()] == ["position", "velocity"]
+    assert [*load(bag, velocity=None).signals()] == ["position", "torque"]
 
 
 @pytest.mark.parametrize("lag", [0, 2_000_000])

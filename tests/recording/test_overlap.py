@@ -113,3 +113,10 @@ def test_another_motion_or_pace_is_another_run(original, planar):
     slower = replace(original, time=1.25 * original.time)
     for other in (made(planar, 1), slower):
         assert not same_run(digests_of(original), digests_of(other))
+
+
+def test_recordings_too_short_for_filters_are_compared_by_their_samples(original):
+    short = original.take(slice(190))
+    assert not same_run(digests_of(short), digests_of(again(short)))
+    with refused(RecordingError, "samples"):
+        compare(short, short)

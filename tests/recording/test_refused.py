@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from sidegan.errors import ConfigError, RecordingError
+from sidegan.recording.clock import stamp_text
 from sidegan.recording.settings import Files
 from tests.recording import files
 from tests.recording.conftest import PLANAR, check, of_file
@@ -18,6 +19,7 @@ from tests.refusals import refused
 SETTINGS = [
     ("units.angle", {"units": {"angle": "turn"}}),
     ("position", {"position": None}),
+    ("joints", {"joints": ["a", "b", "a"]}),
     *((text, {"position": text}) for text in ("q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}")),
     *((name, {name: -1.0}) for name in ("cutoff", "still")),
     *(("cutoff", {"cutoff": 0}), ("gap", {"gap": 1e300})),
@@ -70,6 +72,22 @@ def ragged(made, folder):
     return folder / "a.parquet"
 
 
+def many_names(made, folder):
+    """A name that occurs twice, at the end of a long line of others."""
+    more = files.frame(made).assign(**{f"a long name {k}": 1.0 for k in range(20)})
+    more = pd.concat([more.drop(columns="q1"), more[["q1", "q1"]]], axis=1)
+    more.to_csv(folder / "a.csv", index=False)
+    return folder / "a.csv"
+
+
+def blank_velocities(made, folder):
+    """Positions and torques in rows of their own, and columns of velocities without any number."""
+    table = files.frame(made).assign(qd1=np.nan, qd2=np.nan)
+    rows = [table.assign(tau1=np.nan, tau2=np.nan), table.assign(q1=np.nan, q2=np.nan)]
+    pd.concat(rows).sort_values("t").to_csv(folder / "a.csv", index=False)
+    return folder / "a.csv"
+
+
 def by_joint(table):
     """A row for each joint, in place of a column."""
     return pd.wide_to_long(table, ["q", "qd", "tau"], i="t", j="joint").reset_index()
@@ -113,15 +131,16 @@ FILES = {  # how a file is written, how it is read, and what the message names
     "milliampere": (stated("tau", "[mA]"), {}, "'mA' 'recording.units.torque=\"N·m\"'"),
     "grad": (stated("q", "[grad]"), {}, "'grad' recording.units.angle=rad"),
     "currents in volts": (renamed(tau1="i1 [V]", tau2="i2 [V]"), {}, "'V' recording.units.current=A"),
-    "a name twice": (renamed(q2="q1"), {}, "a.csv q1"),
+    "a name twice": (many_names, {}, "a.csv 'q1'"),
+    "a blank signal beside blank cells": (blank_velocities, {}, "a.csv velocity"),
     "a row for each joint": (files.written(by_joint), {}, "columns='joint'"),
-    "ragged lists": (ragged, {}, "q"),
+    "ragged lists": (ragged, {}, "a.parquet q"),
     "a short array": (files.arrays(q=np.ones((3, 2))), ARRAYS, "t has 200 q has 3"),
     "commanded ones": (renamed(tau1="tau_cmd1", tau2="tau_cmd2"), {"torque": "tau{index}"}, "'tau1'"),
     "a wide array": (files.arrays(q=np.ones((200, 3))), ARRAYS, "'q' 2 joints"),
     "a cube": (files.arrays(q=np.zeros((200, 2, 2))), ARRAYS, "a.npz q"),
     "objects": (files.arrays(q=np.array([{}] * 200)), ARRAYS, "a.npz"),
-    "complex numbers": (files.arrays(q=1j * np.ones((200, 2))), ARRAYS, "q complex128"),
+    "complex numbers": (files.arrays(q=1j * np.ones((200, 2))), ARRAYS, "a.npz q complex128"),
     "another arm": (foreign_bag, {}, "shoulder, elbow x, y"),
     "another topic": (files.write_bag, {"topic": "/arm"}, "/joint_states /arm"),
     "no accelerations": (
@@ -186,6 +205,15 @@ def shuffled(time):
     return np.where(np.arange(len(time)) == 100, time[90], time)
 
 
+def since_1970(time):
+    return 1.69e9 + shuffled(time)
+
+
+def jumping_since_1970(recording):
+    position = recording.position + 0.4 * (np.arange(2000) > 700)[:, None]
+    return replace(recording, time=1.69e9 + recording.time, position=position)
+
+
 def unpadded(time):
     """Seconds and nanoseconds of a clock, with a point between them."""
     stamps = (1e9 * (time + 5)).round().astype(int).tolist()
@@ -219,6 +247,9 @@ def within_a_turn(recording):
     return replace(recording, position=np.rad2deg(recording.position % (2 * np.pi)), velocity=None)
 
 
+SLIDING = replace(PLANAR, prismatic=np.ones(2, bool))
+
+
 def limited(torque):
     return replace(PLANAR, torque_limit=np.full(2, torque))
 
@@ -240,6 +271,7 @@ CHECKED = {  # what was changed, how it is checked, and what the message names
     "gains": (currents(), {"gains": (2e5, 2e5)}, "robot.gains"),
     "without limits": (currents(1e3), {"gains": TWO, "arm": limited(np.inf)}, "description"),
     "torques": (scaled("torque", 1e7), {}, "N·m recording.current"),
+    "forces": (scaled("torque", 1e7), {"arm": SLIDING}, "in N, recording.current"),
     "no motion": (scaled("position", 1e-4), {}, "made"),
     "no torques": (but("torque", np.zeros_like), {}, "every torque"),
     "constant torques": (but("torque", np.ones_like), {}, "shoulder, elbow recording.without"),
@@ -250,6 +282,8 @@ CHECKED = {  # what was changed, how it is checked, and what the message names
     "no signal": (but("torque", lambda _: None), {}, "torque current"),
     "constant velocities": (but("velocity", np.ones_like), {}, "shoulder, elbow recording.velocity=null"),
     "one stamp": (but("time", np.ones_like), {}, "same time stamp"),
+    "a stamp too early since 1970": (but("time", since_1970), {}, "1690000000.99 sort"),
+    "a jump since 1970": (jumping_since_1970, {}, "1690000007.00"),
     "a stamp too early": (but("time", shuffled), {}, "sample 100: sort"),
     "backwards": (but("time", lambda x: x[::-1]), {}, "sample 1: sort"),
     "a restart": (but("time", lambda x: np.r_[x[:1000], x[:1000]]), {}, "sample 1000: restarts"),
@@ -263,6 +297,7 @@ CHECKED = {  # what was changed, how it is checked, and what the message names
     "a jump": (of_elbow("position", lambda x: x + 0.4 * (np.arange(len(x)) > 700)), {}, "elbow 701"),
     "missing rows": (missing, {}, "701"),
     "five samples away": (of_elbow("position", lambda x: np.where(lost(5), 0.0, x)), {}, "elbow 701"),
+    "many gaps": (but("time", lambda x: x + np.arange(2000) // 6), {}, "gaps"),
     "a low cut-off": (as_it_is, {"cutoff": 1e-11}, "0.2 Hz"),
 }
 
@@ -276,6 +311,7 @@ def test_implausible_recordings_are_refused(recording, change, options, about):
 WARNED = [  # what the warning says, what was changed, and how it is checked
     ("recording.reverse=[elbow]", of_elbow("torque", np.negative), {}),
     ("recording.velocity=null", of_elbow("velocity", np.negative), {}),
+    ("57.30 (shoulder), 57.30 (elbow) times", scaled("velocity", DEGREES), {"arm": SLIDING}),
     ("the arm hardly moves", scaled("position", 0.1), {}),
     ("elbow never moved", lambda r: replace(of_elbow("position", np.zeros_like)(r), velocity=None), {}),
     ("1 gap, the longest 2", but("time", interrupted), {}),
@@ -301,7 +337,7 @@ def test_positions_that_jump_and_return_are_left_out(recording, samples):
     at = lost(samples)
     zeros = replace(recording, position=np.where(at[:, None], 0.0, recording.position))
     found, clean = check(zeros), check(recording.take(np.flatnonzero(~at)))
-    for words in ("elbow", f"{recording.time[701]:.6g}", f"{samples} sample"):
+    for words in ("elbow", stamp_text(recording.time[701]), f"{samples} sample"):
         assert words in found.warnings[0]
     assert found.warnings[1:] == clean.warnings
     np.testing.assert_array_equal(found.segments[0].position, clean.segments[0].position)

@@ -159,7 +159,7 @@ def check_table(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
                     "quantum": f"{effort.quantum[j]:.2g}",
                     "saturated": int(effort.clipped[j]),
                     "agreement with the description": f"{recording.agreement.sign[j]:.2f}",
-                    "ratio to the description": f"{recording.agreement.load.scale[j]:.2g}",
+                    "ratio to the description": f"{recording.agreement.fit.scale[j]:.2g}",
                 }
             )
     return pd.DataFrame(rows).set_index(["recording", "joint"])
