@@ -19,7 +19,7 @@ from sidegan.robot import load_robot
 from sidegan.steps.excite import known_model
 from tests.identification.test_payload import CENTRE, LOAD, MASS, TRUE, runs
 from tests.recording.conftest import moved
-from tests.recording.files import frame
+from tests.recording.files import frame, write_bag
 from tests.refusals import refused
 from tests.tiny import composed
 
@@ -43,11 +43,14 @@ def files(arm, tmp_path_factory):
         signals = {"position": data.position, "velocity": data.velocity, "current": data.torque / TRUE}
         recording = Recording(name, arm.joint_names, np.arange(2000) / 100, **signals)
         frame(recording).to_csv(folder / f"{name}.csv", index=False)
+        bag = replace(recording, torque=recording.current, current=None)  # written as efforts
+        write_bag(bag, folder / name)
     return folder
 
 
-def test_the_gains_command_finds_the_drive_gains(files, tmp_path):
-    given = "robot=kuka_lwr4", f"recordings=[{files / 'free.csv'}]", f"loaded=[{files / 'laden.csv'}]"
+@pytest.mark.parametrize(("free", "laden"), [("free.csv", "laden.csv"), ("free/bag", "laden/bag")])
+def test_the_gains_command_finds_the_drive_gains(files, tmp_path, free, laden):
+    given = "robot=kuka_lwr4", f"recordings=[{files / free}]", f"loaded=[{files / laden}]"
     place = ",".join(map(str, CENTRE))
     known = (f"load.mass={MASS}", f"load.centre=[{place}]", "load.inertia=[0.006,0,0.005,0,0,0.003]")
     found = json.loads((ran(tmp_path, "gains", *given, *known) / "gains.json").read_text())

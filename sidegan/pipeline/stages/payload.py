@@ -74,7 +74,7 @@ def _show_gains(run: RunContext, tracker: Tracker) -> None:
     """Identify the gains, and write them to the run's folder; log them as a setting if all are certain."""
     cfg, folder = run.cfg, run.store.run_folder
     arm = configured_arm(run)
-    currents = replace(cfg.recording, torque=None)
+    currents = replace(cfg.recording, torque=None, effort="current")  # the only effort that a bag has
     parts = _checked(run, arm, currents, [1.0] * arm.joints)  # unit gains: "torques" are currents
     against = [np.any([x.agreement.runs_against() for x in part], 0) for part in parts]
     unloaded, loaded = map(measurements_of, parts)
