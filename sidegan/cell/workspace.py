@@ -232,11 +232,9 @@ class Workspace:
         if self.desk is None or is_built_in(arm):
             return ""
         own, behind = planes_of(arm)
-        notes = (
-            []
-            if self._states_floor
-            else [self._floor_note(arm, [plane for plane in own if _is_floor(plane)])]
-        )
+        notes = []
+        if not self._states_floor:
+            notes.append(self._floor_note(arm, [plane for plane in own if _is_floor(plane)]))
         if walls := [plane for plane in own if not _is_floor(plane)]:
             notes.append(f"kept out of: {counted(len(walls), 'plane')} of the description other than floors")
         if self.desk != Workspace.desk and not self._states_floor:

@@ -122,7 +122,7 @@ def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSetting
 def _of_earlier_runs(folder: Path) -> set[str]:
     """Names of the files that earlier runs left in a folder; their trajectories are 1, 2, … without a gap."""
     files = [path for path in folder.glob("*") if path.suffix in _ENDINGS]
-    numbers = {int(path.stem) for path in files if path.stem.isdecimal()}
-    gap = next(number for number in count(1) if number not in numbers)
-    numbered = {path.name for path in files if path.stem.isdecimal() and 1 <= int(path.stem) < gap}
-    return numbered | {path.name for path in files if path.stem in (ALL, APPROACH, RETURN)}
+    numbers = {path.name: int(path.stem) for path in files if path.stem.isdecimal()}
+    gap = next(number for number in count(1) if number not in numbers.values())
+    trajectories = {name for name, number in numbers.items() if 1 <= number < gap}
+    return trajectories | {path.name for path in files if path.stem in (ALL, APPROACH, RETURN)}

@@ -100,7 +100,9 @@ class Library:
     def take(self, indices: Array | Sequence[int]) -> "Library":
         """The trajectories at K indices, in that order; or those that a mask, (N,) bool, marks."""
         index = np.asarray(indices)
-        index = np.arange(len(self))[index if index.size else index.astype(int)]
+        if not index.size:  # NumPy takes an empty list for floats
+            index = index.astype(int)
+        index = np.arange(len(self))[index]
         columns = {name: x[index] for name, x in self.columns().items()}
         return replace(self, **_fields(columns), source=[self.source[i] for i in index.tolist()])
 

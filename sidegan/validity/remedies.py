@@ -117,9 +117,10 @@ def describe_placeholder_limits(arm: Arm) -> str:
             stated[kind] = {arm.joint_names[j]: FILL_IN for j in np.flatnonzero(marked).tolist()}
     if not wrong:
         return ""
+    last = [*stated][-1]
     return (
-        f"implausible limits: {'; '.join(wrong)}; are they {_DOUBTS[[*stated][-1]]}? The arm may not "
-        f"follow; state the real ones by {suggest_limits(stated, vars(arm.setup.limits))}"
+        f"implausible limits: {'; '.join(wrong)}; are they {_DOUBTS[last]}? The arm may not follow; "
+        f"state the real ones by {suggest_limits(stated, vars(arm.setup.limits))}"
     )
 
 
